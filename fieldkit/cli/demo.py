@@ -60,8 +60,3 @@ def _story(demo: Demo) -> Iterator[Paragraph]:
         f"{demo.outcome.confirmations} times on others. Mission: {demo.items} items, uploaded to the stand-in vehicle, "
         "read back and compared."
     )
-    yield Paragraph(
-        f"Flight: the recorded vehicle kept to its plan within {format_length(demo.flight.position_m)} and "
-        f"{demo.flight.angle_deg:.1f}° (standard deviations, {demo.flight.photographs} photographs, in its simulator "
-        "without wind)."
-    )

@@ -30,8 +30,6 @@ def test_figures(demo: tuple[Path, dict]) -> None:
     assert found["plan"]["cameras"] == 10
     assert found["mission"]["stations"] == 10
     assert found["mission"]["items"] > 10 * 5
-    assert found["flight"]["photographs"] == 13
-    assert 0.0 < found["flight"]["position_m"] < 0.1
     scores = {(score["plot"], score["name"]): score for score in found["scores"]}
     assert list(scores) == [("seen", "circle"), ("seen", "planned"), ("unseen", "circle"), ("unseen", "planned")]
     for score in scores.values():

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from pymavlink import DFReader, mavutil
 
 from fieldkit.flightlogs import Attitude, FixedMount, Gimbal, Series, Trigger, achieved_pose, read_flight_log
-from fieldkit.flightlogs.adherence import PlannedPose, adherence
+from fieldkit.flightlogs.adherence import assigned, station_errors
 from fieldkit.flightlogs.assembly import euler_deg
 from fieldkit.flightlogs.dataflash import read_messages
 from fieldkit.flightlogs.reading import _unpacked
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.results.evaluation import StationErrorEntry
 from tests.flightlogs.recordings import description, flight_log, recording
 from tests.flightlogs.test_px4_logs import quaternion
 
@@ -81,11 +82,11 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
     for trigger, m in zip(log.triggers, told, strict=True):
         assert trigger.place.latitude_deg == pytest.approx(m.lat * 1e-7, abs=1e-10)
         assert trigger.utc_s == pytest.approx(m.time_usec * 1e-6, abs=1e-5)
-    found = adherence(planned("mount_then_yaw"), log.triggers, [f"{k}.jpg" for k in range(13)])
-    assert [e.image for e in found.stations] == [f"{k}.jpg" for k in range(13)]
-    assert max(np.hypot(e.east_m, e.north_m) for e in found.stations) < 0.1
-    assert max(abs(e.yaw_deg or 0.0) for e in found.stations) < 3.0
-    assert {e.pitch_deg for e in found.stations} == {None}
+    found = kept_to(planned("mount_then_yaw"), log.triggers)
+    assert [e.image for e in found] == [f"{k}" for k in range(13)]
+    assert max(np.hypot(e.east_m, e.north_m) for e in found) < 0.1
+    assert max(abs(e.yaw_deg or 0.0) for e in found) < 3.0
+    assert {e.pitch_deg for e in found} == {None}
 
 
 def test_dataflash_messages_are_those_that_pymavlink_reads(tmp_path: Path) -> None:
@@ -161,26 +162,36 @@ def test_series_wrap_and_end() -> None:
 # How far photographs were taken from their stations, on the recorded flights.
 
 
-def names(triggers: Sequence[Trigger]) -> list[str]:
-    return [str(k) for k in range(len(triggers))]
+def planned(name: str) -> dict[str, dict[str, float]]:
+    return {f"station {s['i']}": s for s in description(name)["stations"]}
 
 
-def planned(name: str) -> list[PlannedPose]:
-    return [
-        PlannedPose(f"station {s['i']}", s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"], s["yaw"], s["pitch"])
-        for s in description(name)["stations"]
-    ]
+def kept_to(plan: dict[str, dict[str, float]], triggers: Sequence[Trigger]) -> list[StationErrorEntry]:
+    """Errors of triggers, named by their numbers, that belong to a station."""
+    first = next(iter(plan.values()))
+    frame = LocalFrame(first["lat"] * 1e-7, first["lon"] * 1e-7)
+
+    def place(latitude: float, longitude: float, height: float) -> tuple[float, float, float]:
+        east, north, _ = frame.to_local(latitude, longitude, 0.0)[0]
+        return east, north, height
+
+    stations = {n: (place(s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"]), s["yaw"], s["pitch"]) for n, s in plan.items()}
+    taken = {}
+    for k, trigger in enumerate(triggers):
+        pose = achieved_pose(trigger)
+        at = place(pose.place.latitude_deg, pose.place.longitude_deg, pose.place.above_home_m)
+        taken[str(k)] = at, pose.yaw_deg, pose.pitch_deg
+    return station_errors(stations, taken, assigned(stations, taken))
 
 
 @pytest.mark.parametrize("name", ["mount_then_yaw", "naive", "hold0"])
 def test_errors_are_those_of_the_recording(name: str) -> None:
     """The JSON's err_est are its triggers' estimates less their stations; north is 2 % off there (a round factor)."""
     triggers = flight_log(f"{name}.tlog").triggers
-    found = adherence(planned(name), triggers, names(triggers))
+    found = kept_to(planned(name), triggers)
     told = {t["img"]: t for t in description(name)["triggers"]}
-    assert not found.missing
-    assert not found.extra
-    for error in found.stations:
+    assert len(found) == len(triggers) == len(planned(name))
+    for error in found:
         t = told[triggers[int(error.image)].image]
         assert error.station == f"station {t['station']}"
         assert error.east_m == pytest.approx(t["err_est"]["e"], abs=0.012)
@@ -198,11 +209,9 @@ def test_missing_and_extra_whatever_the_order() -> None:
     order = rng.permutation(13)
     shuffled = [triggers[k] for k in order]
     kept = [t for t in shuffled if t.image != 10]
-    found = adherence([p for p in plan if p.name != "station 5"], kept, names(kept))
-    assert found.missing == ("station 9",)
-    assert [kept[int(k)].image for k in found.extra] == [6]
-    assert [e.station for e in found.stations] == [f"station {k}" for k in range(13) if k not in (5, 9)]
-    for error in found.stations:
+    found = kept_to({name: station for name, station in plan.items() if name != "station 5"}, kept)
+    assert 6 not in {kept[int(error.image)].image for error in found}
+    assert [e.station for e in found] == [f"station {k}" for k in range(13) if k not in (5, 9)]
+    for error in found:
         assert kept[int(error.image)].image == int(error.station.split()[1]) + 1
         assert np.hypot(error.east_m, error.north_m) < 0.1
-        assert error.speed_mps < 0.05

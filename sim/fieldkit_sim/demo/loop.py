@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
-from fieldkit_sim.demo.flight import RecordedFlight, recorded_flight, upload_to_stand_in
+from fieldkit_sim.demo.flight import upload_to_stand_in
 from fieldkit_sim.demo.plots import (
     SEEN,
     UNSEEN,
@@ -69,8 +69,6 @@ class Demo:
     """Of the mission."""
     items: int
     """That the stand-in vehicle took."""
-    flight: RecordedFlight
-    """How exactly the recorded vehicle flew."""
     evaluations: Mapping[str, Sequence[PlotEvaluation]]
     """Of planned views and of a circle, by plot."""
     compared: DemoReport
@@ -94,7 +92,6 @@ def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo
     with atomic_folder(output, overwrite=overwrite, marker=reference_folder(output, UNSEEN).name) as folder:
         references = _references(folder, noise, context)
     progress.note(f"the references are in {output}; plan, mission and scores follow there")
-    flight = recorded_flight()
     plan, outcome = _plan(output / "plan", context)
     with progress.stage("The best circles", len(PLOTS)) as advance:
         circles = dict(zip(PLOTS, context.map(partial(_best_circle, noise, output), PLOTS, advance), strict=True))
@@ -111,7 +108,6 @@ def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo
         outcome,
         len(plan.stations),
         items,
-        flight,
         {plot: report.plots for plot, report in evaluations.items()},
         compared,
         output / REPORT_FILE,
@@ -256,7 +252,6 @@ def figures(demo: Demo) -> dict[str, object]:
         "reference_to_true_plants_m": demo.compared.reference_to_true_plants_m,
         "plan": demo.outcome.model_dump(mode="json"),
         "mission": {"stations": demo.stations, "items": demo.items},
-        "flight": asdict(demo.flight),
         "scores": [
             {
                 "plot": plot,
