@@ -66,12 +66,6 @@ _SOURCES = {
 }
 """What DJI's ImageSource (InfraredCamera, MS_NIR_CAMERA) contains; that of its bands is told before."""
 _DJI_NAME = re.compile(r"DJI_[0-9][0-9_]*_(?:MS_(NIR|RE|R|G|B)|(IR|[WZVDTRS]))(?:[_ .(-].*)?", re.IGNORECASE)
-_BAND_NAME = re.compile(r".*[0-9]_(NIR|REG|GRE|GRN|RED|BLU|RGB|LWIR|THERMAL|IR)", re.IGNORECASE)
-"""Parrot's Sequoia (IMG_160917_131713_0003_GRE.TIF) and AeroVironment's Quantix."""
-_THERMAL_NAME = re.compile(r"IRX_[0-9]+|.*[0-9]_8b", re.IGNORECASE)
-"""Autel's EVO II Dual, beside MAX_0001, and FLIR's Duo Pro R."""
-_MICASENSE_NAME = re.compile(r"IMG_[0-9]{4}_([0-9]{1,2})", re.IGNORECASE)
-_MICASENSE_BANDS = ("blue", "green", "red", "near infrared", "red edge")
 _DRAWN = "it says nothing of a camera, as the photographs do, and has another shape or format: a drawing or a copy"
 _ONE_CHANNEL = ("1", "L", "LA", "La", "I", "F")
 
@@ -211,7 +205,7 @@ def _described(camera: Sequence[Photo]) -> str:
     elif sensor == "grey":
         what = "one channel"
     else:
-        what = f"the band {sensor.removeprefix('band ')}" if sensor else "a camera"
+        what = f"the band {sensor}" if sensor else "a camera"
     model = first.model or ""
     if first.make and model and not model.startswith(first.make):
         model = f"{first.make} {model}"
@@ -222,12 +216,11 @@ def _described(camera: Sequence[Photo]) -> str:
 
 def sensor_of(name: str, image_source: str | None, bands: Sequence[str], mode: str) -> str:
     """The sensor of a picture: "thermal", "near infrared", "wide" and so on, "grey" of one channel; "" if not known."""
-    path = PurePosixPath(name)
     one_channel = mode in _ONE_CHANNEL or mode.startswith("I;")
     return (
         _of_bands(bands)
         or _of_source(image_source or "")
-        or _of_name(path.stem, tiff=one_channel and path.suffix.lower() in (".tif", ".tiff"))
+        or _of_name(PurePosixPath(name).stem)
         or ("grey" if one_channel else "")
     )
 
@@ -252,17 +245,9 @@ def _of_source(source: str) -> str:
     return next((sensor for word, sensor in _SOURCES.items() if word in text), "")
 
 
-def _of_name(stem: str, *, tiff: bool) -> str:
+def _of_name(stem: str) -> str:
+    """As DJI names its files; other makers' say it in their XMP."""
     dji = _DJI_NAME.fullmatch(stem)
-    if dji:
-        return _band(dji[1]) if dji[1] else _DJI_LENSES[dji[2].upper()]
-    if _THERMAL_NAME.fullmatch(stem):
-        return "thermal"
-    band = _BAND_NAME.fullmatch(stem)
-    if band:
-        return _band(band[1])
-    micasense = _MICASENSE_NAME.fullmatch(stem)
-    if micasense and tiff:
-        number = int(micasense[1])
-        return _MICASENSE_BANDS[number - 1] if 1 <= number <= len(_MICASENSE_BANDS) else f"band {number}"
-    return ""
+    if dji is None:
+        return ""
+    return _band(dji[1]) if dji[1] else _DJI_LENSES[dji[2].upper()]

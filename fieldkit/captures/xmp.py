@@ -52,13 +52,6 @@ _SKYDIO_NAMES = {
     "RelativeAltitude": "relative_altitude",
 }
 _PARROT_NAMES = {"CameraYawDegree": "yaw", "CameraPitchDegree": "pitch", "CameraRollDegree": "roll"}
-_YUNEEC_NAMES = {
-    "GimbalYaw": "yaw",
-    "GimbalPitch": "pitch",
-    "GimbalRoll": "roll",
-    "DroneYaw": "flight_yaw",
-    "AboveHomeAltitude": "relative_altitude",
-}
 _PIX4D_NAMES = {
     "Yaw": "yaw",
     "Pitch": "pitch",
@@ -68,7 +61,7 @@ _PIX4D_NAMES = {
 }
 _SENSOR_NAMES = {"ImageSource": "image_source", "BandName": "bands", "ProjectionType": "projection"}
 """Whoever writes them: DJI, Pix4D, FLIR; Google's schema of panoramas (GPano)."""
-_MAKERS = ("dji", "like dji", "skydio", "parrot", "yuneec", "pix4d")
+_MAKERS = ("dji", "like dji", "skydio", "parrot", "pix4d")
 """In the order in which they count where a photograph has tags of several."""
 _MAX_BYTES = 1 << 20
 """Largest XMP packet that is read, bytes."""
@@ -121,7 +114,7 @@ class XmpData:
     calibration: Mapping[str, str] = field(default_factory=dict)
     """The fields of `maker_calibration.calibration_of`."""
     makers: frozenset[str] = frozenset()
-    """Whose tags there are, of "dji", "like dji", "skydio", "parrot", "yuneec" and "pix4d"."""
+    """Whose tags there are, of "dji", "like dji", "skydio", "parrot" and "pix4d"."""
 
 
 def read_fields(packet: bytes) -> dict[str, dict[str, str]]:
@@ -192,8 +185,6 @@ def _meanings(uri: str, name: str) -> Iterator[tuple[str, str]]:
         own, maker = _SKYDIO_NAMES, "skydio"
     elif "parrot" in uri:
         own, maker = _PARROT_NAMES, "parrot"
-    elif "yuneec" in uri:
-        own, maker = _YUNEEC_NAMES, "yuneec"
     elif "pix4d" in uri or uri.rstrip("/").endswith("camera/1.0"):
         own, maker = _PIX4D_NAMES, "pix4d"
     else:

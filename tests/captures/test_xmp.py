@@ -9,7 +9,6 @@ SPACES = {
     "drone-dji": "http://www.dji.com/drone-dji/1.0/",
     "drone-skydio": "https://www.skydio.com/drone-skydio/1.0/",
     "drone-parrot": "http://www.parrot.com/drone-parrot/1.0/",
-    "drone-yuneec": "http://www.yuneec.com/drone-yuneec/1.0/",
     "drone": "http://www.autelrobotics.com/drone/1.0/",
     "Camera": "http://pix4d.com/camera/1.0/",
     "exif": "http://ns.adobe.com/exif/1.0/",
@@ -93,13 +92,6 @@ def test_parrot_wins_over_its_pix4d_tags() -> None:
     )
     # Directions of two makers are never mixed: Parrot's yaw is missing here.
     assert angles(parse_xmp(packet(parrot | pix4d))) == pytest.approx((146.765, -52.0, -0.051), abs=1e-3)
-
-
-def test_yuneec() -> None:
-    given = {"drone-yuneec:GimbalYaw": "92.68", "drone-yuneec:GimbalPitch": "-13.74", "drone-yuneec:GimbalRoll": "0.0"}
-    data = parse_xmp(packet(given | {"drone-yuneec:AboveHomeAltitude": "69.84", "drone-yuneec:DroneYaw": "93.94"}))
-    assert angles(data) == (92.68, -13.74, 0.0)
-    assert (data.relative_altitude_m, data.flight_yaw_deg) == (69.84, 93.94)
 
 
 @pytest.mark.parametrize(
