@@ -25,6 +25,7 @@ Paths = Annotated[
 ]
 HIGHEST_M = 50.0
 """Of cameras above the ground: from higher up no few photographs show a plant."""
+Above = Annotated[float, Field(le=HIGHEST_M)]
 
 
 class EnvelopeSettings(Strict):
@@ -32,7 +33,7 @@ class EnvelopeSettings(Strict):
 
     margin_m: Length = 1.5
     """How far beyond the plants' box cameras may stand."""
-    height_m: Range = (0.5, 2.5)
+    height_m: tuple[Above, Above] = (0.5, 2.5)
     """Lowest and highest above the ground, metres."""
     clearance_m: Length = 0.5
     """From cameras to plants, metres."""
@@ -49,16 +50,6 @@ class EnvelopeSettings(Strict):
         if ends[0] > ends[1]:
             raise ValueError(f"{ends[0]:g} is above {ends[1]:g}")
         return ends
-
-    @field_validator("height_m")
-    @classmethod
-    def _in_metres(cls, heights: Range) -> Range:
-        if heights[1] > HIGHEST_M:
-            from fieldkit.documents.mistaken import as_centimetres
-
-            slip = as_centimetres(heights[1], HIGHEST_M)
-            raise ValueError(f"metres above the ground, at most {HIGHEST_M:g}, and not {heights[1]:g}{slip}")
-        return heights
 
 
 class NoiseSettings(Strict):

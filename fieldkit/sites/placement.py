@@ -35,7 +35,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.arrays import FloatArray
-from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.results.mission import Home, MissionOutline
 from fieldkit.results.plan import Plan, Plans, plan_on
@@ -111,7 +110,7 @@ class PlotFrame:
     @classmethod
     def of(cls, site: Site, plot: SitePlot) -> PlotFrame:
         """The frame of a site's plot."""
-        ground = ground_above_home(site, plot)
+        ground = site.ground_m(plot)
         tangent = LocalFrame(plot.latitude_deg, plot.longitude_deg, _altitude(site.home) + ground)
         return cls(tangent, ground, plot.row_heading_deg, plot.gradient)
 
@@ -232,14 +231,6 @@ def landing_of(site: Site) -> Place:
         return (0.0, 0.0, 0.0)
     east, north, _ = SiteFrame(site.home).to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
     return (float(east), float(north), 0.0)
-
-
-def ground_above_home(site: Site, plot: SitePlot) -> float:
-    """Height above home of the ground at a plot's origin."""
-    try:
-        return site.ground_m(plot)
-    except ValueError as error:
-        raise MetadataError(str(error), remedy="Add it to [home] in the site file.") from error
 
 
 def grounds_m(site: Site, shots: Sequence[Shot]) -> FloatArray:

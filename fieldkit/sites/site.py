@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -11,12 +11,11 @@ import shapely
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from fieldkit.arrays import FloatArray
-from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
 from fieldkit.results.mission import Home, MissionObstacle
 from fieldkit.vehicles.vehicle import Positive
-from fieldkit.wording import count, listed
+from fieldkit.wording import listed
 
 Gradient = tuple[float, float]
 """Rise of the ground per horizontal metre along x and y of a plot frame."""
@@ -31,7 +30,6 @@ UNDULATION_M = 110.0
 """The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
 _MIXED_UP_M = 10.0
 """Difference within which a height looks like home's above another datum, metres."""
-_TOLD = 5  # plots with a wrong datum
 _STEEPEST = 1.0  # no field is taken off from across such a slope
 _DRAWN_TWICE = 0.3  # of the smaller of two plots; neighbours drawn by hand share less
 _SAME_PLACE_M = 0.1
@@ -57,17 +55,10 @@ def _open_ring(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
     return corners
 
 
-def _in_metres(value: float, least: float, most: float) -> float:
-    """A length within limits; where it would be within them as centimetres, say so."""
-    if least <= value <= most:
-        return value
-    raise ValueError(f"should be {least:g} to {most:g} metres and is {value:g}{as_centimetres(value, most)}")
-
-
 Height = Annotated[float, Field(ge=-1000, le=10_000)]
 Side = Annotated[float, Field(ge=0.1, le=1000)]
-PlantHeight = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.0, TALLEST_M))]
-RowSpacing = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.05, 10.0))]
+PlantHeight = Annotated[float, Field(ge=0, le=TALLEST_M)]
+RowSpacing = Annotated[float, Field(ge=0.05, le=10)]
 Slope = Annotated[float, Field(ge=0, le=STEEPEST_PERCENT)]
 Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]
 Polygon = Annotated[
@@ -199,9 +190,6 @@ class Site(Strict):
             if plot.name in seen:
                 raise ValueError(f'plots: two of them are called "{plot.name}"')
             seen.add(plot.name)
-        if wrong := list(self._wrong_datums()):
-            more = f"; and {count(len(wrong) - _TOLD, 'more plot')}" if len(wrong) > _TOLD else ""
-            raise ValueError("; ".join(wrong[:_TOLD]) + more)
         self._check_places()
         for name, height in (("takeoff_m", self.takeoff_m), ("transit_m", self.transit_m)):
             if self.ceiling_m is not None and height > self.ceiling_m:
@@ -238,21 +226,6 @@ class Site(Strict):
                 f"{plot.name} is given in metres above {above}, so home needs {key}, its height above the same"
             )
         return plot.height_m - home
-
-    def _wrong_datums(self) -> Iterator[str]:
-        """Plots whose height cannot be put to home, or says its datum wrongly, as mixed-up files have it."""
-        for plot in self.all_plots:
-            try:
-                self.ground_m(plot)
-            except ValueError as error:
-                yield str(error)
-            for datum, height in (("amsl", self.home.amsl_m), ("ellipsoid", self.home.ellipsoid_m)):
-                given = plot.height_m if plot.datum == "home" and abs(plot.height_m) > 2 * _MIXED_UP_M else math.inf
-                if height is not None and abs(given - height) < _MIXED_UP_M:
-                    yield (
-                        f"{plot.name} is given as {given:g} m above home, and home is {height:g} m high: "
-                        f'this looks like datum "{datum}"'
-                    )
 
     def _check_places(self) -> None:
         """Refuse plots across a slope that no field has, and two at one place: mixed-up heights, copied plots."""

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, FloatArray
 from fieldkit.geometry.pose import rotation_about_z
-from fieldkit.scenes.noise import bumps, fractal_noise
+from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
 from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.bumps import bumps
 from fieldkit_sim.faces import grid_faces, vertex_normals
 
 _SHAPES = 24

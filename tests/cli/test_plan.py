@@ -34,7 +34,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         ("--scene case-1 --images .", 2, "--reference"),
         ("--scene case-1 --height 2", 2, "two numbers"),
         ("--scene case-1 --height 3,2", 2, "height_m: 3 is above 2"),
-        ("--scene case-1 --height 75,150", 2, "in centimetres?"),
+        ("--scene case-1 --height 75,150", 2, "less than or equal to 50"),
         ("--scene case-1 -n 1300", 2, "cameras"),
         ("--scene case-1 --pose-noise 20,1", 2, "in centimetres?"),
         (f"--captures '{SMALL_PLOT}' --clearance 0.5", 2, "recorded photographs have their places"),

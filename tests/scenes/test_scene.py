@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from fieldkit.scenes.noise import bumps, fractal_noise
+from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.sampling import plants_area_m2, sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene
+from fieldkit_sim.bumps import bumps
 from fieldkit_sim.faces import vertex_normals
 from fieldkit_sim.maize.plant import build_maize
 from fieldkit_sim.plot import bake_light

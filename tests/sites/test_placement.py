@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.arrays import FloatArray
-from fieldkit.errors import MetadataError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.sites.placement import PlotFrame, SiteFrame, place
@@ -142,12 +141,3 @@ def test_a_heading_points_at_what_the_camera_looks_at(where: str, row_heading: f
     )
     assert abs((first.yaw_deg - azimuth + 180.0) % 360.0 - 180.0) < 1e-4
     assert metres == pytest.approx(5.0, abs=1e-3)
-
-
-def test_heights_need_a_common_datum() -> None:
-    home = Home(latitude_deg=50.0, longitude_deg=6.0, ellipsoid_m=140.0)
-    plot = SitePlot(latitude_deg=50.0, longitude_deg=6.0, height_m=92.0, datum="amsl")
-    good = site_at(50.0, 6.0)
-    unchecked = good.model_copy(update={"home": home, "plots": (plot,)})
-    with pytest.raises(MetadataError, match=r"above mean sea level.*home needs amsl_m"):
-        place(plan_of((0, 0, 2, 0, -90)), unchecked)

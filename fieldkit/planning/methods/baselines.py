@@ -14,10 +14,8 @@ import numpy as np
 from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.errors import UsageError
 from fieldkit.planning.problem import PlanningProblem, Trial
-from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
-from fieldkit.vocabulary import WEIGHTS
 
 _GRID = 5
 """Number of altitudes, and of radii, of the grid."""
@@ -81,15 +79,6 @@ def _half_step(best: float, step: int, limits: tuple[float, float]) -> float:
     low, high = limits
     value = best + 0.5 * step * (high - low) / (_GRID - 1)
     return value if low <= value <= high else best - 0.5 * (value - best)
-
-
-def expected_circle(problem: PlanningProblem, aims: int = 1) -> Cameras:
-    """The circle of the same grid, at so many heights of the aim, that the geometric score ranks first; takes no
-    photograph.
-    """
-    cost_model = CostModel(problem)
-    sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID, aims)]
-    return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS))
 
 
 class Uniform:

@@ -16,13 +16,14 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.settings import MissionSettings
-from fieldkit.planning.methods.baselines import expected_circle
 from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.score.cost_model import CostModel
+from fieldkit.planning.space.families import circles
 from fieldkit.report.write_report import REPORT_FILE, write_report
 from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
 from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, PlotEvaluation, ReferenceReport
@@ -31,6 +32,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.context import Context
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
+from fieldkit.vocabulary import WEIGHTS
 from fieldkit_sim.demo.flight import upload_to_stand_in
 from fieldkit_sim.demo.plots import (
     SEEN,
@@ -159,7 +161,10 @@ def _best_circle(noise: NoiseSettings, folder: Path, plot: str) -> list[Pose]:
     likes best, for the same vehicle, noise and wind.
     """
     asked = PlanSettings(scene=scene_path(plot), vehicle=VEHICLE, cameras=CAMERAS, purpose="this-plot", noise=noise)
-    return expected_circle(set_up_run(search_settings(asked), folder, Context(StageCache(None))).problem, _AIMS).poses()
+    problem = set_up_run(search_settings(asked), folder, Context(StageCache(None))).problem
+    cost_model = CostModel(problem)
+    sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, aims=_AIMS)]
+    return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS)).poses()
 
 
 def _mission(folder: Path, context: Context) -> ExportedMission:

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
-from fieldkit.scenes.noise import bumps, fractal_noise
+from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot_description import SoilDescription
 from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.bumps import bumps
 from fieldkit_sim.faces import grid_faces, vertex_normals
 from fieldkit_sim.soil import grid_height
 
