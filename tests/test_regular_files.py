@@ -130,7 +130,8 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
     }
     assert found == {
         "campaign/export.py",  # what pyogrio wrote just before
-        "evaluation/rasters.py",  # what rasterio wrote just before
+        "evaluation/flight.py",  # what it wrote just before
+        "evaluation/utm.py",  # what rasterio wrote just before
         "captures/capture.py",  # candidates, which list_folder looked at
         "evaluation/prediction.py",
         "report/html/document.py",
