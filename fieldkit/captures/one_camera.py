@@ -14,6 +14,8 @@ _SAME_FOCAL = 1.25
 """Ratio of focal lengths up to which a lens is the same, as cameras round them."""
 _SAME_SIZE = 2.0
 """Ratio of longer sides up to which pictures are one camera's; beyond, one is a preview."""
+_TINY = 4.0
+"""Ratio of longer sides from which the smaller pictures are taken for a thermal camera's that nothing names."""
 _ENOUGH = 0.5
 """Least share of the places that the main camera photographed."""
 _BANDS_AT_A_PLACE = 5
@@ -93,11 +95,14 @@ def one_camera(
         return photos, findings + _without_colours(photos)
     most = max(_places(camera) for camera in cameras)
 
-    def worth(camera: Sequence[Photo]) -> tuple[bool, bool, bool, int, int]:
+    longest = max(max(photo.width, photo.height) for photo in photos)
+
+    def worth(camera: Sequence[Photo]) -> tuple[bool, bool, bool, int, bool, int]:
         names, sensor = {photo.name for photo in camera}, _sensor(camera)
         rank = next((k for k, sensors in enumerate(_PREFERRED) if sensor in sensors), len(_PREFERRED))
+        tiny = _TINY * max(camera[0].width, camera[0].height) <= longest
         listed = (not names.isdisjoint(calibrated), not names.isdisjoint(located))
-        return (*listed, _places(camera) >= _ENOUGH * most, -rank, len(camera))
+        return (*listed, _places(camera) >= _ENOUGH * most, -rank, not tiny, len(camera))
 
     main = max(cameras, key=worth)
     colours = _sensor(main) in COLOUR

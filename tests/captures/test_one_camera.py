@@ -114,6 +114,15 @@ def test_the_wide_camera_of_three_makes_the_capture(photo_file: MakePhoto, named
     assert [finding.code for finding in capture.findings] == ["other-camera", "other-camera"]
 
 
+def test_small_pictures_that_nothing_names_are_not_taken(photo_file: MakePhoto) -> None:
+    for number in range(3):  # as Autel names and writes them
+        photo_file(f"IRX_{number:04}.jpg", size=(40, 32), exif=dji("XT705", 9.1))
+        path = photo_file(f"MAX_{number:04}.jpg", size=WIDE, exif=dji("XT705"))
+    capture = read_capture(path.parent)
+    assert {(photo.width, photo.height) for photo in capture.photos} == {WIDE}
+    assert len(others(capture)) == 1
+
+
 def test_a_folder_of_thermal_pictures_is_said_to_be_one(photo_file: MakePhoto) -> None:
     folder = three_lenses(photo_file)
     for path in folder.glob("*_[WZ].JPG"):
