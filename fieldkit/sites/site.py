@@ -228,14 +228,22 @@ class Site(Strict):
         return plot.height_m - home
 
     def _check_places(self) -> None:
-        """Refuse plots across a slope that no field has, and two at one place: mixed-up heights, copied plots."""
+        """Refuse plots across a slope that no field has or as high above home as home above a datum, and two at one
+        place: mixed-up heights, copied plots.
+        """
         origins = self._origins(self.all_plots)
         away = np.hypot(origins[:, 0], origins[:, 1])
         grounds = [self.ground_m(plot) for plot in self.all_plots]
+        datums = [height for height in (self.home.amsl_m, self.home.ellipsoid_m) if height is not None]
         odd = [
             f"{plot.name} lies {abs(ground):.0f} m {'below' if ground < 0 else 'above'} home and {distance:.0f} m away"
             for plot, ground, distance in zip(self.all_plots, grounds, away.tolist(), strict=True)
             if abs(ground) > max(_MIXED_UP_M, _STEEPEST * distance)
+            or (
+                plot.datum == "home"
+                and abs(ground) > 2 * _MIXED_UP_M
+                and any(abs(ground - height) < _MIXED_UP_M for height in datums)
+            )
         ]
         if odd:
             raise ValueError(f"{listed(odd)}: is one of the heights above another datum?")

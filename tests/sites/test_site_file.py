@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +225,10 @@ def test_plots_far_from_home_or_without_its_datum(tmp_path: Path) -> None:
     plots = load_plots(geojson(tmp_path, point(row_heading_deg=0, height_m=140.0, datum="ellipsoid")))
     with pytest.raises(MetadataError, match="home needs ellipsoid_m"):
         with_plots(load_site(site), plots)
+    for height, refused in ((93.0, True), (12.0, False)):  # 200 m from home, which is 92 m above the sea
+        plots = load_plots(geojson(tmp_path, point(lat=50.8667, row_heading_deg=0, height_m=height, datum="home")))
+        with pytest.raises(MetadataError, match="heights above another datum") if refused else nullcontext():
+            with_plots(load_site(site), plots)
 
 
 @given(
