@@ -125,8 +125,8 @@ def canopy(
     """The canopy of plants' points, in cells as large as a pixel of the depth maps.
 
     Gaps of up to two cells, or `_GAP_M` where cells are finer, are closed: a point falls into a cell by chance. What
-    lies nearer than the seam to an empty cell is seam; a negative one widens. Tops reach over lower ones between them,
-    as far as leaves sway.
+    lies nearer than the seam to an empty cell is seam; a negative one widens. Leaves are narrowed by it over lower ones,
+    too. Tops reach over lower ones between them, as far as leaves sway.
 
     Args:
         points: (n, 3) of plants, plot frame, without strays; at least one.
@@ -152,6 +152,8 @@ def canopy(
     window = np.ones((around + 2 * math.ceil(_GAP_SWAYED * swayed_m / cell),) * 2, dtype=np.uint8)
     over = cv2.morphologyEx(tops, cv2.MORPH_CLOSE, window, borderType=cv2.BORDER_CONSTANT, borderValue=-float("inf"))
     over = np.where(np.isfinite(over), over, cv2.dilate(tops, square))
+    wider = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * math.ceil(max(0.0, seam - 0.5)) + 1,) * 2)
+    over = np.where(np.isfinite(over), cv2.erode(np.where(np.isfinite(over), over, np.inf), wider), over)
     tops = np.where(((within > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))
     cover = np.where(np.isnan(tops), 0.0, cover).astype(np.float32)
     still, none = (np.clip(within - of, 0.0, 1.0).sum() for of in (seam_cells(pixel_m) * pixel_m / cell, 0.5))

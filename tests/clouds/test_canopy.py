@@ -56,6 +56,12 @@ class TestShapes:
         still, swaying = (found.volume_m3 / found.covered_m2 for found in (seen(points), seen(points, swayed_m=0.005)))
         assert still < 0.38 < swaying
 
+    def test_an_upper_leaf_is_narrowed_over_a_lower_one_as_over_soil(self) -> None:
+        upper, lower = box(0.06, 0.2, 0.0) + (0, 0, 0.5), box(0.3, 0.2, 0.0) + (0, 0, 0.1)
+        tops = seen(np.concatenate([upper, lower])).tops
+        alone = seen(upper).covered_m2
+        assert float((tops > 0.3).sum()) * PIXEL_M**2 == pytest.approx(alone, rel=0.06)
+
     def test_gaps_between_points_are_covered(self) -> None:
         rng = np.random.default_rng(1)
         dense = np.column_stack([rng.uniform(0, 0.2, (60_000, 2)), np.full(60_000, 0.4)])

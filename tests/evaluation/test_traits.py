@@ -93,7 +93,14 @@ class TestValues:
         ]
         shown = [Outline(np.full((of.height, of.width), not filled), of, pose) for of, pose in cameras]
         area_m2 = plot_traits(swaying, swaying.plants, PLOT, shown)[0].covered_area_m2
-        assert area_m2 == traits(still if filled else swaying).covered_area_m2
+        as_still = traits(still).covered_area_m2
+        assert area_m2 == as_still if filled else area_m2 > 1.03 * as_still
+
+    def test_without_outlines_nothing_is_added_for_sway(self) -> None:
+        still = found()
+        swaying = traits(replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 3.0))))
+        assert swaying.covered_area_m2 == traits(still).covered_area_m2
+        assert swaying.covered_area_error_m2 >= traits(still).covered_area_error_m2
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()
