@@ -125,8 +125,8 @@ def canopy(
     """The canopy of plants' points, in cells as large as a pixel of the depth maps.
 
     Gaps of up to two cells, or `_GAP_M` where cells are finer, are closed: a point falls into a cell by chance. What
-    lies nearer than the seam to an empty cell is seam; a negative one widens. Leaves are narrowed by it over lower ones,
-    too. Tops reach over lower ones between them, as far as leaves sway.
+    lies nearer than the seam to an empty cell is seam; a negative one widens. Over lower leaves it is taken off, too.
+    Tops reach over lower ones between them, as far as leaves sway.
 
     Args:
         points: (n, 3) of plants, plot frame, without strays; at least one.

@@ -57,7 +57,7 @@ class TestShapes:
         assert still < 0.38 < swaying
 
     def test_an_upper_leaf_is_narrowed_over_a_lower_one_as_over_soil(self) -> None:
-        upper, lower = box(0.06, 0.2, 0.0) + (0, 0, 0.5), box(0.3, 0.2, 0.0) + (0, 0, 0.1)
+        upper, lower = (np.add(box(width, 0.2, 0.0), (0, 0, z)) for width, z in ((0.06, 0.5), (0.3, 0.1)))
         tops = seen(np.concatenate([upper, lower])).tops
         alone = seen(upper).covered_m2
         assert float((tops > 0.3).sum()) * PIXEL_M**2 == pytest.approx(alone, rel=0.06)
