@@ -22,7 +22,7 @@ from fieldkit.captures.decode import (
     tiff_refusal,
 )
 from fieldkit.captures.exif import with_exif
-from fieldkit.captures.folder import Candidate, folders_of_photographs, instead_of, list_capture
+from fieldkit.captures.folder import Candidate, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.gps_tags import Problem
 from fieldkit.captures.markers_file import read_markers_file
@@ -174,7 +174,7 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
         return CaptureError(
             "there are no photographs in this folder",
             path=folder,
-            remedy=instead_of(folder, "Put JPEG, PNG or TIFF images directly into it, or into a subfolder 'images'."),
+            remedy="Put JPEG, PNG or TIFF images directly into it, or into a subfolder 'images'.",
         )
     shown = "; ".join(f"{f.subject}: {f.message}" for f in left_out[:3])
     more = f"; and {len(left_out) - 3} more" if len(left_out) > 3 else ""

@@ -16,7 +16,6 @@ PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".
 RAW_SUFFIXES = frozenset(
     {".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".3fr", ".iiq", ".raw"}
 )
-_VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".avi", ".mkv", ".mts", ".insv"})
 SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json", "markers.toml")
 """Found in whatever case their names are written."""
 CONTROL_POINTS = ("gcp_list.txt", "gcp.txt")
@@ -178,14 +177,6 @@ def list_capture(folder: Path) -> FolderContents:
 def folders_of_photographs(folder: Path) -> list[str]:
     """Names of the subfolders that hold photographs, directly or in their ``images``."""
     return [path.name for path in _subfolders(folder) if list_folder(path).candidates]
-
-
-def instead_of(folder: Path, otherwise: str) -> str:
-    """What to do about a folder without photographs, where it may hold a video."""
-    for path in sorted(Path(folder).iterdir()):
-        if path.suffix.lower() in _VIDEO_SUFFIXES:
-            return f"{path.name} is a video: save stills from it (ffmpeg -i {path.name} -vf fps=2 -q:v 2 s%04d.jpg)."
-    return otherwise
 
 
 def _card_folders(base: Path) -> list[Path]:

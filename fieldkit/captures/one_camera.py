@@ -68,7 +68,6 @@ _SOURCES = {
 }
 """What DJI's ImageSource (InfraredCamera, MS_NIR_CAMERA) contains; that of its bands is told before."""
 _DJI_NAME = re.compile(r"DJI_[0-9][0-9_]*_(?:MS_(NIR|RE|R|G|B)|(IR|[WZVDTRS]))(?:[_ .(-].*)?", re.IGNORECASE)
-_DRAWN = "it says nothing of a camera, as the photographs do, and has another shape or format: a drawing or a copy"
 _ONE_CHANNEL = ("1", "L", "LA", "La", "I", "F")
 
 
@@ -87,12 +86,10 @@ def one_camera(
         located: names that poses.csv or geo.txt gives a position.
         calibrated: names that the camera file gives a camera of their own: all of these are kept that show colours.
     """
-    drawn = _drawn(photos, {*located, *calibrated})
-    findings = [Finding(photo.name, "other-camera", _DRAWN, True) for photo in drawn]
-    photos = [photo for photo in photos if photo not in drawn]
     cameras = _cameras(photos)
     if len(cameras) < 2:
-        return photos, findings + _without_colours(photos)
+        return list(photos), _without_colours(photos)
+    findings: list[Finding] = []
     most = max(_places(camera) for camera in cameras)
 
     longest = max(max(photo.width, photo.height) for photo in photos)
@@ -127,19 +124,6 @@ def _without_colours(photos: Sequence[Photo]) -> list[Finding]:
         "--mask exg finds no plants in such pictures, and in thermal ones little matches"
     )
     return [Finding(photos[0].name, "no-colours", message)]
-
-
-def _drawn(photos: Sequence[Photo], listed: Collection[str]) -> list[Photo]:
-    """Pictures that say nothing of a camera and have another shape or format than most photographs, which do."""
-    taken = [p for p in photos if p.make or p.model or p.captured_at or p.geotag or p.sensor not in ("", "grey")]
-    forms = {_form(photo) for photo in taken}
-    if 2 * len(taken) <= len(photos):
-        return []
-    return [p for p in photos if p not in taken and p.name not in listed and _form(p) not in forms]
-
-
-def _form(photo: Photo) -> tuple[str, float]:
-    return photo.format, round(max(photo.width, photo.height) / min(photo.width, photo.height), 2)
 
 
 def _cameras(photos: Sequence[Photo]) -> list[list[Photo]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
-from fieldkit.captures.folder import instead_of, list_capture, natural_key
+from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.captures.programs import PosesFile
 from fieldkit.errors import CaptureError, ReconstructionError, StorageError, UsageError
 from fieldkit.evaluation.adherence import ComparedPlan, LoggedFlight
@@ -201,9 +201,7 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
         raise CaptureError(
             "there are no photographs in this folder, nor in its subfolders",
             path=captures,
-            remedy=instead_of(
-                captures, "Give a folder of photographs, or a folder with one folder of photographs per plot."
-            ),
+            remedy="Give a folder of photographs, or a folder with one folder of photographs per plot.",
         )
     counted = {folder for _, folder in plots}
     return plots, [clean_text(folder.name) for folder in folders if folder not in counted]

@@ -82,7 +82,7 @@ def check(
         settings: tolerances and the seed; None takes the usual ones.
         context: None takes the usual cache and one process, and says nothing.
         plan: that was flown; None looks at sharpness, exposure and matches only.
-        site: where the plots lie; None takes the plan's row heading, or fits by shape.
+        site: where the plots lie; None takes the plan's row heading.
         plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
         plant_height: as of `fieldkit.missions.export_mission`.
         log: flight log whose poses count instead of the photographs' own.
@@ -175,8 +175,8 @@ def check_capture(
     capture, angles = angles_as_meant(capture, plan, site, plot)
     placed = place_tags(capture, plan, site, plot)
     report = replace(report, placement=placed.placement)
-    if not placed.station_of or placed.ambiguous:
-        return _without_stations(report, capture, plan, looks, graph, placed)
+    if not placed.station_of:
+        return _without_stations(report, capture, plan, looks, graph)
     with context.progress.stage("Guided matches"):
         poses = {k: tag_pose(placed, k, plan) for k in placed.station_of if not looks[capture.names[k]].problem}
         full = with_guided_ties(graph, capture.photos, poses, context)
@@ -266,10 +266,6 @@ def _unchecked(placed: Placed) -> list[str]:
     said = []
     if placed.placement == "row heading":
         said.append("Where the plot lies was not checked, only how the photographs stand to each other: no --site.")
-    if placed.placement == "shape":
-        said.append(
-            "Nothing says how the photographs' positions lie to the plan: they were turned and shifted to fit it."
-        )
     if not np.isfinite(placed.tags.poses.yaws).any():
         said.append("The photographs have no angles, so headings were checked by matches only.")
     if placed.scatter_m > _COARSE_SCATTER_M:
@@ -309,15 +305,10 @@ def _without_stations(
     plan: Plan,
     looks: Mapping[str, PictureVerdict],
     graph: TieGraph,
-    placed: Placed,
 ) -> CheckReport:
     """Where nothing says which photograph is of which station: their number and quality only."""
     findings = [*_left_out(capture), *_of_pictures(looks, "Fly its station again.")]
-    why = (
-        "the photographs fit the plan in more than one way; give --site, or photographs with headings"
-        if placed.ambiguous
-        else "the photographs have no positions that fit the plan; give --log or --site"
-    )
+    why = "the photographs have no positions that fit the plan; give --site, or --log"
     lacking = len(plan.stations) - len(capture.photos)
     if lacking > 0:
         unseen = count(lacking, "stations has", "stations have", of=len(plan.stations))

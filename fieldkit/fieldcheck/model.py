@@ -19,9 +19,9 @@ _ASTRAY = 0.75
 """Share of the stations without a photograph there with which a flight is hardly the plan's."""
 _MOST = 0.9  # of a capture without a plan hangs together where it will do
 
-Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
+Placement = Literal["site", "poses.csv", "row heading", "none"]
 """How photographs were put into the plan's frame: by the site's plot; as poses.csv has them; by the plan's own row
-heading; turned and shifted until they fit the stations; not at all, for nothing says where they were taken."""
+heading; not at all, for nothing says where they were taken."""
 
 
 def finding_of(code: str, station: int | None, photograph: str, message: str, remedy: str) -> Finding:

@@ -12,7 +12,6 @@ from fieldkit.captures import Capture
 from fieldkit.evaluation.recorded_angles import LEAST_COMPARED, read_angles, without_angles
 from fieldkit.fieldcheck.model import Placement, finding_of
 from fieldkit.geometry import Pose
-from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate, turn_between
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
@@ -20,14 +19,6 @@ from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.wording import listed
 
-_STEP_DEG = 4.0
-"""Step between turns that are tried, degrees."""
-_ALIKE_M = 0.15
-"""Difference of mean costs within which two assignments fit alike, metres."""
-_FITS_WELL_M = 0.2
-"""Mean cost of an assignment that fits well, metres."""
-_FAR_BETTER = 0.5
-"""Share of another assignment's mean cost from which one by shape is better."""
 _MUCH_WORSE = 2.0
 """Factor from which heights scatter much more than positions, as barometers' do."""
 _STEEP_DEG = 75.0
@@ -69,10 +60,6 @@ class Tags:
         unclear = (self.poses.pitches < -_STEEP_DEG) & (np.abs(self.rolls) > _ROLLED_DEG)
         return replace(self.poses, yaws=np.where(unclear, np.nan, self.poses.yaws))
 
-    def about(self, middle: FloatArray) -> Tags:
-        """With positions that count from a place (3,)."""
-        return replace(self, poses=self.poses.moved(0.0, -middle))
-
 
 @dataclass(frozen=True, eq=False)
 class Placed:
@@ -83,46 +70,32 @@ class Placed:
     placement: Placement = "none"
     station_of: Mapping[int, int] = field(default_factory=dict)
     """Index of a photograph to its station."""
-    mean_cost_m: float = float("inf")
-    """Of all photographs with a position."""
     shift_m: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     """(3,) by which all photographs lay beside the plan; NaN where that cannot be told."""
     turn_deg: float | None = None
     """By which all headings were off; None without headings."""
     scatter_m: float = float("nan")
     """Of positions about their stations, per axis (1.48 times the median); of heights if much worse."""
-    ambiguous: bool = False
-    """Whether another assignment fits as well."""
 
 
 def place_tags(capture: Capture, plan: Plan, site: Site | None = None, plot: SitePlot | None = None) -> Placed:
     """Put a capture's tags into the plan's frame and assign photographs to stations.
 
-    ``site`` and ``plot`` say where the plan's frame lies; None fits by the plan's row heading, or by shape.
+    ``site`` and ``plot`` say where the plan's frame lies; without them its row heading says how to turn photographs
+    that lie somewhere on the Earth.
     """
     tags = read_tags(capture)
     stations = PoseArray.of([(s.position_m, s.yaw_deg, s.pitch_deg) for s in plan.stations])
     if not tags.known.any():
         return Placed(tags)
     if capture.origin is None:
-        return _upright(tags, stations, 0.0, "poses.csv") or Placed(tags)
+        return _fitted(tags, stations, 0.0, "poses.csv") or Placed(tags)
     if site is not None and plot is not None:
         return _fitted(_in_plot(tags, capture, site, plot), stations, 0.0, "site") or Placed(tags)
     if plan.row_heading_deg is not None:
-        found = _upright(tags, stations, 90.0 - plan.row_heading_deg, "row heading")
-        return Placed(tags) if found is None else _without_shift(found)
-    return _by_shape(tags, stations) or Placed(tags)
-
-
-def _upright(tags: Tags, stations: PoseArray, turn_deg: float, placement: Placement) -> Placed | None:
-    """Turned as it should be; by shape where that fits far better."""
-    found = _fitted(tags, stations, turn_deg, placement)
-    if found is not None and found.mean_cost_m <= _FITS_WELL_M:
-        return found
-    shape = _by_shape(tags, stations)
-    if found is None or shape is None:
-        return shape or found
-    return shape if shape.mean_cost_m < _FAR_BETTER * found.mean_cost_m else found
+        found = _fitted(tags, stations, 90.0 - plan.row_heading_deg, "row heading")
+        return Placed(tags) if found is None else replace(found, shift_m=np.full(3, np.nan))
+    return Placed(tags)
 
 
 def read_tags(capture: Capture) -> Tags:
@@ -163,20 +136,17 @@ def _in_plot(tags: Tags, capture: Capture, site: Site, plot: SitePlot) -> Tags:
     return replace(tags, poses=there)
 
 
-def _fitted(
-    tags: Tags, stations: PoseArray, turn_deg: float, placement: Placement, *, turned: bool = False
-) -> Placed | None:
-    """Turned clockwise, and a little more where ``turned``; wherever the photographs lie."""
-    found = associate(tags.for_assignment.moved(turn_deg), stations, most_offset_m=np.inf, turned=turned)
+def _fitted(tags: Tags, stations: PoseArray, turn_deg: float, placement: Placement) -> Placed | None:
+    """Turned clockwise, wherever the photographs lie."""
+    found = associate(tags.for_assignment.moved(turn_deg), stations, most_offset_m=np.inf)
     if not found.station_of:
         return None
-    moved = tags.poses.moved(turn_deg + found.turn_deg, -found.offset_m, -found.heading_deg)
+    moved = tags.poses.moved(turn_deg, -found.offset_m, -found.heading_deg)
     apart = moved.positions[list(found.station_of)] - stations.positions[list(found.station_of.values())]
     return Placed(
         replace(tags, poses=moved),
         placement,
         found.station_of,
-        found.mean_cost_m,
         found.offset_m,
         found.heading_deg if np.isfinite(moved.yaws).any() else None,
         _scatter_m(apart),
@@ -187,34 +157,6 @@ def _scatter_m(apart: FloatArray) -> float:
     """Per axis, of positions less stations (n, 3); that of heights where these are much worse, as barometers are."""
     together, up = (1.4826 * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
     return up if up > _MUCH_WORSE * together else together
-
-
-def _by_shape(tags: Tags, stations: PoseArray) -> Placed | None:
-    """Turned and shifted until it fits: headings say by how much to turn, or all turns are tried."""
-    differences = (stations.yaws[None] - tags.for_assignment.yaws[:, None]).ravel()
-    differences = differences[np.isfinite(differences)]
-    turns = np.arange(0.0, 360.0, _STEP_DEG)
-    if len(differences):
-        # The right turn is suggested by one pair of every photograph.
-        near = np.abs(wrapped_deg(turns[:, None] - differences[None])) <= 1.5 * _STEP_DEG
-        turns = turns[np.argsort(-near.sum(axis=1), kind="stable")[:24]]
-    centred = tags.about(np.median(tags.poses.positions[tags.known], axis=0))
-    found = [each for turn in turns if (each := _fitted(centred, stations, float(turn), "shape", turned=True))]
-    if not found:
-        return None
-    found.sort(key=lambda each: each.mean_cost_m)
-    best = found[0]
-    others = [
-        each
-        for each in found[1:]
-        if sum(each.station_of.get(a) != b for a, b in best.station_of.items()) > len(best.station_of) // 2
-    ]
-    alike = any(each.mean_cost_m < best.mean_cost_m + _ALIKE_M for each in others)
-    return replace(_without_shift(best), ambiguous=alike, turn_deg=None)
-
-
-def _without_shift(found: Placed) -> Placed:
-    return replace(found, shift_m=np.full(3, np.nan))
 
 
 def axis_turn_deg(yaw_a: float, pitch_a: float, yaw_b: float, pitch_b: float) -> float:
@@ -234,7 +176,7 @@ def angles_as_meant(
     if all(prior.yaw_deg is None for prior in capture.priors.values()):
         return capture, []
     placed = place_tags(without_angles(capture), plan, site, plot)
-    if placed.ambiguous or len(placed.station_of) < LEAST_COMPARED:
+    if len(placed.station_of) < LEAST_COMPARED:
         return capture, []
     names = [capture.names[k] for k in placed.station_of]
     before = np.array([capture.priors[name].position for name in names], dtype=np.float64)

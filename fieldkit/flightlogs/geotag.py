@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC
 from pathlib import Path
-
-import numpy as np
 
 from fieldkit.captures.capture import read_capture
 from fieldkit.captures.heights import BAROMETER_ACCURACY_M, GPS_ACCURACY_M, RTK_ACCURACY_M
@@ -17,7 +15,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.flightlogs.achieved import FixedMount, achieved_pose
 from fieldkit.flightlogs.matching import Matches, Stamp, match_log
-from fieldkit.flightlogs.model import FlightLog, Trigger, bursts_of
+from fieldkit.flightlogs.model import FlightLog, Trigger
 from fieldkit.flightlogs.reading import read_flight_log
 from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
 from fieldkit.regular_files import check_replaceable
@@ -96,22 +94,8 @@ def geotag(
     poses = [turned(pose, heading_deg) for pose in poses]
     write_atomic(output, poses_table(poses))
     others = (f"{f.subject}: left out: {f.message}" for f in capture.findings if f.code == "other-camera")
-    remarks = (*flight.remarks, *matches.remarks, *_burst_remarks(flight, matches), *others)
+    remarks = (*flight.remarks, *matches.remarks, *others)
     return GeotagReport(len(photos), tuple(poses), matches, frame, source, len(flight.triggers), remarks)
-
-
-def _burst_remarks(flight: FlightLog, matches: Matches) -> Iterator[str]:
-    """How many photographs each station has, in the order they are flown, where these are bursts."""
-    counted = np.setdiff1d(np.arange(len(flight.triggers)), matches.doubled)
-    bursts = bursts_of([flight.triggers[k] for k in counted])
-    matched = np.searchsorted(counted, [pair.trigger for pair in matches.pairs])
-    photographs = np.bincount(bursts[matched], minlength=int(bursts.max()) + 1)
-    usual = int(np.bincount(np.bincount(bursts)).argmax())
-    if usual > 1:
-        yield f"{count(len(photographs), 'station')}, {(photographs >= usual).sum()} with {usual} photographs or more"
-    for k in np.flatnonzero(photographs < usual) if usual > 1 else ():
-        first = counted[np.argmax(bursts == k)]
-        yield f"station {k + 1} of the flight, from trigger {first} on, has {photographs[k]} of {usual} photographs"
 
 
 def stamp(photo: Photo) -> Stamp:

@@ -81,8 +81,6 @@ class Matches:
     """Names of those without a trigger, in the order given."""
     triggers: tuple[int, ...]
     """Indices of those without a photograph."""
-    doubled: tuple[int, ...] = ()
-    """Indices of those that repeat the one before (`fieldkit.flightlogs.model.doubled`) and are not counted."""
     ambiguous: tuple[str, ...] = ()
     """Names of those among ``photographs`` that could belong to more than one trigger."""
     offset_s: float | None = None
@@ -114,7 +112,6 @@ def match(photographs: Sequence[Stamp], triggers: Sequence[Trigger], *, offset_s
             firsts,
             pairs=tuple(replace(pair, trigger=kept[pair.trigger]) for pair in firsts.pairs),
             triggers=tuple(kept[k] for k in firsts.triggers),
-            doubled=again,
             remarks=(said, *firsts.remarks),
         )
     observed = _observed(photographs, triggers)

@@ -54,8 +54,8 @@ _TYPES = {
 }  # fmt: skip
 _MOST_BYTES = 65536
 """Most bytes of a row: the message's size has 16 bits."""
-_APPENDED = 1
-"""Incompatible flag that says data was appended after a crash (ULog, flag bits message)."""
+_APPENDED = b"\x01"
+"""Incompatible flag that says data was appended after a crash, behind the message that it cut (ULog, flag bits)."""
 _HEADER_BYTES = 16
 """Bytes of the file's header."""
 _NO_INSTANCE = 256
@@ -111,22 +111,18 @@ def read_topics(data: bytes, names: Set[str]) -> tuple[dict[str, NDArray[np.void
 def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Kind and body of each message; after damage reading goes on behind the next sync message."""
     at, end = _HEADER_BYTES, len(data)
-    breaks: list[int] = []
     while at + 3 <= end:
         size, kind = struct.unpack_from("<HB", data, at)
         after = at + 3 + size
-        breaks = [place for place in breaks if place > at]
-        if breaks and after > breaks[0]:  # the message that a crash cut, before what was appended afterwards
-            at = breaks[0]
-        elif after > end or kind not in _KINDS:
+        if after > end or kind not in _KINDS:
             sync = data.find(SYNC, at + 1)
             at = end if sync < 0 else sync + len(SYNC)
-        else:
-            body = data[at + 3 : after]
-            if kind == ord("B"):
-                breaks = _appended(body, end)
-            yield kind, body
-            at = after
+            continue
+        body = data[at + 3 : after]
+        if kind == ord("B") and (body[8:9] > _APPENDED or any(body[9:16])):
+            raise MetadataError("was written by a newer PX4 than this reads", remedy="Convert it with pyulog first.")
+        yield kind, body
+        at = after
 
 
 class _Topics:
@@ -165,16 +161,6 @@ class _Topics:
         name = self._by_number.get(body[0] | body[1] << 8) if len(body) > 2 else None
         if name is not None and len(body) - 2 >= self.formats[name].itemsize:
             self.rows[name].append(body[2 : 2 + self.formats[name].itemsize])
-
-
-def _appended(body: bytes, end: int) -> list[int]:
-    """Where data was appended after a crash."""
-    if len(body) < 40:
-        return []
-    incompatible = body[8:16]
-    if incompatible[0] & ~_APPENDED or any(incompatible[1:]):
-        raise MetadataError("was written by a newer PX4 than this reads", remedy="Convert it with pyulog first.")
-    return sorted(o for o in struct.unpack_from("<3Q", body, 16) if 16 < o < end)
 
 
 def _layout(fields: str) -> np.dtype[np.void] | None:

@@ -82,11 +82,9 @@ class Association:
     station_of: Mapping[int, int] = field(default_factory=dict)
     """Station by photograph, both by index."""
     offset_m: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
-    """(3,) photographs, turned by ``turn_deg``, less stations, median over the pairs; NaN where not known."""
+    """(3,) photographs less stations, median over the pairs; NaN where not known."""
     heading_deg: float = 0.0
-    """Of photographs, turned, less stations: what all headings have in common."""
-    turn_deg: float = 0.0
-    """Clockwise turn of the photographs' frame into that of the stations."""
+    """Of photographs less stations: what all headings have in common."""
     mean_cost_m: float = float("inf")
     """Over all photographs with a place, those without a station at `REACH_M`."""
 
@@ -111,31 +109,29 @@ def associate(
     *,
     offset_m: FloatArray | None = None,
     most_offset_m: float = MOST_OFFSET_M,
-    turned: bool = False,
 ) -> Association:
     """Assign photographs to stations by their poses, whatever error all of them have in common.
 
     The assignment is the one with the least sum of costs (Hungarian method); a pair that costs more than `REACH_M` is
     none, and leaving a photograph alone costs as much, so that one of each does not shift all the others. Candidates
     for the offset are 0 and the differences of all pairs; the most promising are refined in turns with the assignment,
-    and so are the error of headings and the turn of the frame. There are no pairs where none is near enough.
+    and so is the error of headings. There are no pairs where none is near enough.
 
     Args:
         photographs: n poses.
         stations: m poses, in the same frame.
         offset_m: (3,) the offset, photographs less stations, where it is known; then nothing else is taken out.
         most_offset_m: horizontally, where it is not known.
-        turned: whether the photographs' frame may be turned a little about z against that of the stations.
     """
     placed = np.flatnonzero(np.isfinite(photographs.positions[:, :2]).all(axis=1))
     if not len(placed) or not len(stations):
         return Association()
     these = photographs[placed]
     if offset_m is not None:
-        best = _settled(these, stations, offset_m, rounds=1, turned=False)
+        best = _settled(these, stations, offset_m, rounds=1)
     else:
         found = [
-            _settled(these, stations, candidate, rounds=_ROUNDS, turned=turned)
+            _settled(these, stations, candidate, rounds=_ROUNDS)
             for candidate in _candidates(these, stations, most_offset_m)
         ]
         best = min(found, key=lambda each: round(_price(each), 9))
@@ -170,30 +166,26 @@ def _in_place(poses: PoseArray) -> PoseArray:
     return PoseArray(np.zeros_like(poses.positions), poses.yaws, poses.pitches)
 
 
-def _settled(
-    photographs: PoseArray, stations: PoseArray, offset: FloatArray, *, rounds: int, turned: bool
-) -> Association:
+def _settled(photographs: PoseArray, stations: PoseArray, offset: FloatArray, *, rounds: int) -> Association:
     """Assign, and take out what is common to the assigned, a few times."""
-    turn = heading = 0.0
+    heading = 0.0
     pairs: dict[int, int] = {}
     for _ in range(rounds):
-        found = _assigned(photographs.moved(turn, -offset, -heading), stations)
+        found = _assigned(photographs.moved(0.0, -offset, -heading), stations)
         if not found:
             return Association()
         if found == pairs:
             break
         pairs = found
         mine, theirs = photographs[list(pairs)], stations[list(pairs.values())]
-        if turned and len(pairs) >= _LEAST:
-            turn += turn_between(mine.moved(turn).positions, theirs.positions)
-        offset = _medians(mine.moved(turn).positions - theirs.positions)
+        offset = _medians(mine.positions - theirs.positions)
         if rounds > 1:
-            errors = wrapped_deg(mine.yaws + turn - theirs.yaws)
+            errors = wrapped_deg(mine.yaws - theirs.yaws)
             errors = errors[np.isfinite(errors)]
             heading = float(np.median(errors)) if len(errors) >= _LEAST else 0.0
-    costs = pose_costs(photographs.moved(turn, -offset, -heading)[list(pairs)], stations[list(pairs.values())])
+    costs = pose_costs(photographs.moved(0.0, -offset, -heading)[list(pairs)], stations[list(pairs.values())])
     mean = (float(costs.sum()) + REACH_M * (len(photographs) - len(pairs))) / len(photographs)
-    return Association(pairs, offset, heading, turn, mean)
+    return Association(pairs, offset, heading, mean)
 
 
 def _assigned(photographs: PoseArray, stations: PoseArray) -> dict[int, int]:

@@ -184,7 +184,6 @@ def test_bands_do_not_mix_with_colours(photo_file: MakePhoto, colour: str, other
         ({"exif": dji("FC6310")}, False),  # another model
         ({"exif": dji(focal=29.9)}, False),  # another lens of the same
         ({"exif": None, "size": (32, 24)}, False),  # a preview, or a camera that says nothing
-        ({"exif": None, "size": (160, 90)}, False),  # a drawing
         ({"exif": dji(serial="2")}, True),  # another drone of the model
         ({"exif": dji(), "size": WIDE[::-1]}, True),  # turned
         ({"exif": dji(), "size": (100, 75)}, True),  # smaller

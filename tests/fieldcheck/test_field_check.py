@@ -112,19 +112,6 @@ class TestPlacement:
         assert found.shift_m == pytest.approx(shift, abs=0.12)
         assert found.turn_deg == pytest.approx(compass, abs=2.5)
 
-    @pytest.mark.parametrize("angles", [True, False])
-    def test_by_shape_alone_turned_and_shifted(self, angles: bool) -> None:
-        planned = stations(seed=4)
-        turn = Pose.from_yaw_pitch((0, 0, 0), 117.0, 0.0)
-        rotation = rotation_from_vector((0.0, 0.0, -np.radians(117.0)))
-        tagged = [Pose(p.rotation @ rotation.T, rotation @ p.center + (40.0, -20.0, 3.0)) for p in flown(planned, 1)]
-        assert turn.forward[0] > 0
-        order = np.random.default_rng(0).permutation(13)
-        found = place_tags(capture_of([tagged[k] for k in order], angles=angles), plan_from_poses(planned))
-        assert found.placement == "shape"
-        assert not found.ambiguous
-        assert found.station_of == {n: int(k) for n, k in enumerate(order)}
-
 
 def graph_of(true: list[Pose], seed: int) -> TieGraph:
     """Ties as photographs of these poses give them: neighbours on the ring, a degree and a tenth off."""

@@ -105,7 +105,7 @@ def test_without_a_plan_photographs_are_judged_by_themselves(rig: tuple[Path, Pl
     image = cv2.imread(str(second))
     assert image is not None
     cv2.imwrite(str(second), cv2.blur(image, (9, 1)))
-    noise = np.random.default_rng(0).integers(0, 256, image.shape[:2], dtype=np.uint8)
+    noise = np.random.default_rng(0).integers(0, 256, image.shape, dtype=np.uint8)
     cv2.imwrite(str(third), cv2.GaussianBlur(noise, (0, 0), 1.5))  # of another place
     (report,) = check(copy, context=Context(rig[2]))
     assert not report.ok
