@@ -41,7 +41,15 @@ from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.results.evaluation import CLOUD_FILE, CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
-from fieldkit.results.finding import COARSE_RASTERS, NO_RASTERS, OTHER_PLANTS, POSITIONS_LAG, WEAKLY_TIED, Finding
+from fieldkit.results.finding import (
+    COARSE_RASTERS,
+    NO_RASTERS,
+    OTHER_PLANTS,
+    POSITIONS_LAG,
+    VOLUME_CUTS_PLANTS,
+    WEAKLY_TIED,
+    Finding,
+)
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
 from fieldkit.results.traits import RowEntry
 from fieldkit.results.visit import VISIT_FILE
@@ -55,6 +63,8 @@ PLOTS_FILE, ROWS_FILE = "plots.csv", "rows.csv"
 LAZ_FILE = "cloud.laz"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, ROWS_FILE, TRAITS_FILE, VISIT_FILE)
 """Names of an evaluation's and of a visit's own files, which no plot's folder has."""
+_MOST_RAISES = 2
+"""How often a volume is made twice as high: sparse points may have missed high plants."""
 _DOUBTS = 3.0
 """Standard errors of the scale beyond which a fitted one contradicts it."""
 _OTHER_SHARE = 0.04
@@ -93,6 +103,18 @@ class PlacedPlot:
     """Of interest."""
     rows: tuple[Outline, ...] = ()
     """Outlines of its planted rows."""
+
+    def reconstructed(self, settings: ReconstructionSettings, context: Context) -> Reconstruction:
+        """The plot, in a volume that is higher where plants reach its top."""
+        found = reconstruct_placed(self.sparse, self.volume, settings, context)
+        cameras = min(float(pose.center[2]) for pose in self.sparse.poses.values())
+        for _ in range(_MOST_RAISES):
+            lower, (x, y, upper) = found.volume.lower, found.volume.upper
+            top = min(2.0 * upper - lower[2], cameras)
+            if top <= upper or all(finding.code != VOLUME_CUTS_PLANTS for finding in found.sparse.findings):
+                break
+            found = reconstruct_placed(self.sparse, Volume(lower, (x, y, top)), settings, context)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +210,7 @@ def _evaluated(
         reach_m = REFERENCE_REACH_M if scoring.refine else 0.0
         found = reconstruct(given.capture, settings, context, known_plot=given.known_plot, reach_m=reach_m)
     else:
-        found = reconstruct_placed(given.placed.sparse, given.placed.volume, settings, context)
+        found = given.placed.reconstructed(settings, context)
     if rasters is not None:
         found = with_scene(found, settings, context)
     plants, correction, result = found.plants, None, None

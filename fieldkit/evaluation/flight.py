@@ -34,7 +34,7 @@ from fieldkit.evaluation.evaluate_plot import (
     write_evaluation,
 )
 from fieldkit.evaluation.field import write_field
-from fieldkit.evaluation.rasters import Rasters
+from fieldkit.evaluation.rasters import Rasters, coarse_place
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.files import atomic_folder, write_atomic
@@ -53,6 +53,7 @@ from fieldkit.reconstruction.steady import steady_capture
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import EvaluationReport, FlightEntry, PlotEvaluation
 from fieldkit.results.fields import clean_text
+from fieldkit.results.finding import OUTLINE_UNSURE, Finding
 from fieldkit.results.frame import Plane
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.runtime.context import Context
@@ -90,6 +91,8 @@ _FARTHEST_M = 500.0
 """Distance from all photographs at which no plot of the file can be in one of them, metres."""
 _SAME = 0.5
 """Share of a plot that another one covers from which both are hardly two plots."""
+_UNSURE = "outlines may lie over neighbours' plants, unless they were drawn on this flight's own orthophoto"
+"""What coarse positions mean for plots."""
 _EVALUATION = "evaluation"
 """What a cached plot's figures are kept under, beside its files."""
 
@@ -393,6 +396,8 @@ def _evaluated(
     well_seen = track_lengths(sparse.model) >= _WELL_SEEN
     grounds = _grounds(sparse, bare, list(outlines.values()), settings)
     points = points[well_seen] if well_seen.sum() >= _LEAST_POINTS else points
+    if unsure := coarse_place(sparse.frame, _UNSURE):
+        context.progress.note(unsure)
     jobs: list[_Job] = []
     results: dict[str, PlotEvaluation] = {}
     for (name, corners), known in zip(outlines.items(), grounds, strict=True):
@@ -404,7 +409,8 @@ def _evaluated(
             results[name] = failed_plot(name, error, photographs=len(views))
         else:
             part = sparse.of(views)
-            part = replace(part, frame=replace(part.frame, ground=ground, ground_sigma_m=sigma_m))
+            told = (*part.findings, *([Finding(name, OUTLINE_UNSURE, unsure)] if unsure else []))
+            part = replace(part, frame=replace(part.frame, ground=ground, ground_sigma_m=sigma_m), findings=told)
             jobs.append(_Job(name, corners, PlacedPlot(part, volume, rows[name]), settings, folder))
     if results:
         context.progress.note(f"not in the pictures: {', '.join(results)}")

@@ -26,6 +26,7 @@ CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
 
 COARSE_M = 0.3
 """Standard deviation of positions from which they do not say on which plot something lies."""
+_RASTERS_OFF = "the rasters may lie that far off, the surface's heights too"
 LEAST_SAMPLING_M = 0.005
 """Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
 NODATA = -9999.0
@@ -202,12 +203,12 @@ def _lay(file: Any, grid: Grid, raster: HeightRaster) -> None:
     file.write(np.where(np.isfinite(highest), highest, np.float32(NODATA)), 1, window=window)
 
 
-def coarse_place(frame: MetricFrame) -> str:
-    """That rasters may lie metres off, since the positions do; empty where they do not."""
+def coarse_place(frame: MetricFrame, so: str = _RASTERS_OFF) -> str:
+    """That positions may lie metres off, and what follows (``so``); empty where they do not."""
     sigma_m = (frame.bound_m or 0.0) / POSITION_SIGMAS
     if sigma_m <= COARSE_M:
         return ""
-    return f"positions are good to {sigma_m:.1f} m only: the rasters may lie that far off, the surface's heights too"
+    return f"positions are good to {sigma_m:.1f} m only: {so}"
 
 
 def color_span(heights: Float32Array, *, canopy: bool) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from fieldkit.clouds.ground import MAX_TILT_DEG
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.result import MetricFrame
-from fieldkit.results.finding import PLOTS_TOGETHER, Finding
+from fieldkit.results.finding import PLOTS_TOGETHER, VOLUME_CUTS_PLANTS, Finding
 from fieldkit.results.frame import Plane
 from fieldkit.wording import count
 
@@ -82,7 +82,7 @@ def _of_plants(plants: Cloud, volume: Volume, gsd_m: float, *, own_volume: bool)
             f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off "
             "there; give a higher one with --bounds"
         )
-        yield "volume-cuts-plants", message
+        yield VOLUME_CUTS_PLANTS, message
     stand = find_stand(plants.points) if own_volume else None
     if stand is not None and stand.apart > 0.0:
         (x0, y0), (x1, y1) = stand.low, stand.high

@@ -26,6 +26,12 @@ PLANTS_APART = "plants-apart"
 PLOTS_TOGETHER = "plots-together"
 """Photographs of several plots were reconstructed as one."""
 
+VOLUME_CUTS_PLANTS = "volume-cuts-plants"
+"""Plants reach the top of what was reconstructed."""
+
+OUTLINE_UNSURE = "outline-unsure"
+"""A plot's outline may lie over other plants than its own."""
+
 POSES_STATED = "poses-stated"
 """Photographs count by stated poses that nothing in the pictures confirms."""
 
@@ -43,8 +49,8 @@ NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
 
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "cameras-off-level", "steep-ground",
-    "volume-cuts-plants", "refinement-not-converged", WEAKLY_TIED, POSITIONS_LAG,
-    PLOTS_TOGETHER, "far-from-reference",
+    VOLUME_CUTS_PLANTS, "refinement-not-converged", WEAKLY_TIED, POSITIONS_LAG,
+    PLOTS_TOGETHER, OUTLINE_UNSURE, "far-from-reference",
 })  # fmt: skip
 """Codes of findings with which a result must not be taken as it is."""
 

@@ -54,7 +54,11 @@ def drawn(path: Path, *boxes: tuple[float, float, float, float], heading_deg: fl
     return str(path)
 
 
-def test_photographs_count_for_every_plot_they_show(line: CommandLine, flight: Path, tmp_path: Path) -> None:
+def test_photographs_count_for_every_plot_they_show(
+    line: CommandLine, flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fieldkit.evaluation.flight._HIGHEST", 0.0)  # a volume that is too low, and is raised
+    monkeypatch.setattr("fieldkit.evaluation.flight._ABOVE_M", 0.1)
     first = drawn(tmp_path / "first.geojson", WEST, heading_deg=0.0)
     line.run("evaluate", DATE, "--plots", first, "-o", "first", "--fidelity", "draft")
     assert line.entries("plots") == 1
@@ -70,6 +74,8 @@ def test_photographs_count_for_every_plot_they_show(line: CommandLine, flight: P
     assert away.error.message == "is not in the pictures"
     assert not (line.folder / "scores" / "B").exists()
     for plot, (x0, y0, x1, y1) in ((west, WEST), (east, EAST)):
+        assert plot.volume.upper_m[2] > 0.25
+        assert "volume-cuts-plants" not in plot.doubts
         assert (plot.images, plot.right) == (8, 8)  # all of both flights show both
         names = {Path(file.name).name for file in plot.files}
         assert names >= {"cloud.ply", "photo.jpg"}
