@@ -5,21 +5,18 @@ What a photograph hides behind plants is not looked for: where it looks almost s
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.captures import read_image
-from fieldkit.evaluation.utm import BLOCK, Grid, Projection, optimized
+from fieldkit.evaluation.utm import Grid, Projection, optimized
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.runtime.context import Context
@@ -27,62 +24,38 @@ from fieldkit.runtime.context import Context
 ORTHOPHOTO_FILE = "orthophoto.tif"
 SEAM_PX = 8
 """Edge of the squares that seams run between, pixels of the orthophoto."""
-MARGIN_M = 0.2
-"""Width about a plot that is drawn from its photograph: leaves hang over, metres."""
 _SHARPER = 1.25
 """How many times as fine as the orthophoto photographs are resampled from, at most: finer pixels would flicker."""
+_MEDIAN_PX = 5
+"""Edge of the squares whose median takes stray points and small holes off the surface, pixels."""
 _GAIN_SIDE_PX = 500
 """Longer side of the photographs whose brightness is compared."""
 _GAIN_BLUR_PX = 9
 """Edge of the squares there that are compared."""
-_GAIN_STEP_M = 0.5
-"""Distance between the places that are compared, metres."""
+_GAIN_SQUARES = 12
+"""Distance between the places that are compared, squares."""
 _LARGEST_GAIN = 2.0
 """Largest factor that a photograph is made brighter or darker by."""
 _STEEPEST = 1.0
 """Tangent of the largest angle from straight down that a place is shown under: beyond, leaves hide most of it."""
-_QUALITY = 90
+_QUALITY = "90"
 """Of the JPEG compression."""
-_TILE = 2 * BLOCK // SEAM_PX
+_TILE = 64
 """Side of what is drawn at once, squares."""
 Camera = tuple[Intrinsics, Pose]
-Region = tuple[slice, slice]
 
 
-@dataclass(frozen=True, eq=False)
-class Field:
-    """The surface of a field in squares of `SEAM_PX` pixels, and its plots."""
-
-    grid: Grid
-    """Of the orthophoto; its sides are multiples of `SEAM_PX`."""
-    places: FloatArray
-    """(rows + 2, columns + 2, 3) of the squares' middles in the plot frame, metres; one square more on each side."""
-    outside: BoolArray
-    """(rows, columns) which are not of the field."""
-    plots: Sequence[shapely.Polygon]
-    """UTM."""
-    projection: Projection
-
-    @property
-    def squares(self) -> FloatArray:
-        """(rows, columns, 3) `places` without those beyond."""
-        return self.places[1:-1, 1:-1]
-
-    def near(self, pose: Pose) -> Region:
-        """Rows and columns of the squares that a camera may show steeply enough."""
-        reach = _STEEPEST * max(0.0, pose.center[2] - float(self.places[..., 2].min())) / self.grid.cell_m
-        (row,), (column,) = self.grid.cells(self.projection.to_utm(pose.center[None]))
-        rows, columns = (slice(*np.maximum(0, [at - reach, at + reach]).astype(int) // SEAM_PX) for at in (row, column))
-        return rows, columns
-
-    def painted(self) -> IntArray:
-        """(rows, columns) number of the plot that a square is of, from 1; 0 between plots and their margins."""
-        shapes = [plot.buffer(width) for width in (MARGIN_M, 0.0) for plot in self.plots]
-        # What is in a plot is not of its neighbour's margin.
-        return self.grid.painted(shapes, [*range(1, len(self.plots) + 1)] * 2, SEAM_PX)
-
-
-def write_orthophoto(path: Path, sparse: SparseResult, field: Field, context: Context) -> list[str]:
+def write_orthophoto(
+    path: Path,
+    sparse: SparseResult,
+    surface: Path,
+    grid: Grid,
+    projection: Projection,
+    soil: FloatArray,
+    places: FloatArray,
+    owner: IntArray,
+    context: Context,
+) -> None:
     """Write an orthophoto as a Cloud Optimized GeoTIFF: RGB with a mask, JPEG within.
 
     Each plot with its margin is drawn from the photograph that shows all of it and looks at it closest to straight
@@ -92,53 +65,66 @@ def write_orthophoto(path: Path, sparse: SparseResult, field: Field, context: Co
     Args:
         path: of the file.
         sparse: the mapped flight.
-        field: what is shown.
+        surface: file of the surface's heights, UTM.
+        grid: of both files; its sides are multiples of `SEAM_PX`.
+        projection: of the plot frame.
+        soil: (rows, columns) height of the ground in squares of `SEAM_PX` pixels, UTM: where ``surface`` has none.
+        places: (rows, columns, 3) the squares' middles on the surface, plot frame.
+        owner: (rows, columns) as of `seams`.
         context: told of the stage.
-
-    Returns:
-        The photographs that were used.
     """
+    import rasterio
+
     names = sorted(sparse.poses, key=lambda name: sparse.poses[name].forward[2])
-    cameras = [(sparse.intrinsics[name], sparse.poses[name]) for name in names]
-    shown = seams(cameras, field)
-    regions = {index: region for index, region in enumerate(find_objects(shown + 1)) if region is not None}
-    step = max(1, round(_GAIN_STEP_M / (SEAM_PX * field.grid.cell_m)))
-    gains = _gains(sparse, [names[index] for index in regions], field.squares[::step, ::step].reshape(-1, 3))
-    options = {"count": 4, "dtype": "uint8", "photometric": "RGB", "alpha": "YES", "interleave": "pixel"}
-    weights = [float(np.count_nonzero(shown[region] == index)) for index, region in regions.items()]
-    stage = context.progress.stage("Orthophoto", len(regions), weights=weights)
-    with optimized(path, field.grid, **options, COMPRESS="JPEG", QUALITY=str(_QUALITY)) as file, stage as advance:
-        for (index, region), gain in zip(regions.items(), gains, strict=True):
-            _draw(file, sparse, names[index], shown == index, region, gain, field)
+    shown = seams([(sparse.intrinsics[name], sparse.poses[name]) for name in names], places, owner)
+    used = np.unique(shown[shown >= 0]).tolist()
+    gains = _gains(sparse, [names[index] for index in used], places[::_GAIN_SQUARES, ::_GAIN_SQUARES])
+    profile = {"count": 4, "dtype": "uint8", "photometric": "RGB", "alpha": "YES", "interleave": "pixel"}
+    with (
+        context.progress.stage("Orthophoto", len(used)) as advance,
+        rasterio.open(surface) as heights,
+        optimized(path, grid, profile, COMPRESS="JPEG", QUALITY=_QUALITY) as file,
+    ):
+        for index, gain in zip(used, gains, strict=True):
+            name, own = names[index], shown == index
+            photo, high_m = sparse.capture.photo(name), sparse.poses[name].center[2] - np.median(places[own][:, 2])
+            finer = sparse.intrinsics[name].fx * grid.cell_m / high_m
+            side = round(max(photo.width, photo.height) * min(1.0, _SHARPER / finer))
+            image = cv2.convertScaleAbs(read_image(photo, max_side=side), alpha=gain)
+            for part, squares in _tiles(grid, own):
+                window, (here, bare) = grid.window(part), (_enlarged(of[squares]) for of in (own, soil))
+                read = heights.read(1, window=window, masked=True).filled(np.nan)
+                rough = np.where(np.isfinite(read), read, bare).astype(np.float32)
+                top = np.asarray(cv2.medianBlur(rough, _MEDIAN_PX), dtype=np.float64)
+                drawn = _resampled(image, sparse, name, projection.to_plot(part.places(top)), cv2.BORDER_REPLICATE)
+                drawn = np.dstack([drawn, np.full(here.shape, 255, dtype=np.uint8)]).transpose(2, 0, 1)
+                file.write(np.where(here, drawn, file.read(window=window)), window=window)
             advance(1)
-    return [names[index] for index in regions]
 
 
-def seams(cameras: Sequence[Camera], field: Field) -> IntArray:
+def seams(cameras: Sequence[Camera], places: FloatArray, owner: IntArray) -> IntArray:
     """(rows, columns) which photograph each square of a field is drawn from; −1 where none shows it.
 
     Args:
-        cameras: of the photographs; those first that look straightest down.
-        field: its surface and plots.
+        cameras: of the photographs.
+        places: (rows, columns, 3) the squares' middles, in the cameras' frame.
+        owner: (rows, columns) number of the plot that a square is of, from 1; 0 between plots, −1 beyond the field.
     """
-    shown = np.full(field.outside.shape, -1, dtype=np.int64)
-    least = np.where(field.outside, 0.0, _STEEPEST**2).astype(np.float32)
+    shown = np.full(owner.shape, -1, dtype=np.int64)
+    least = np.where(owner < 0, 0.0, _STEEPEST**2)
     for index, (camera, pose) in enumerate(cameras):
-        near = field.near(pose)
-        places, slope = field.squares[near], _slope(pose, field.squares[near])
-        better = slope < least[near]
+        slope = _slope(pose, places)
+        better = slope < least
         better[better] = camera.sees(pose.to_camera(places[better]))
-        shown[near][better], least[near][better] = index, slope[better]
-    painted = field.painted()
-    for number in range(1, len(field.plots) + 1):
-        own = np.column_stack(np.nonzero(painted == number))
-        while len(own):
-            places = field.squares[own[:, 0], own[:, 1]]
-            best, seen = _showing(cameras, places)
+        shown[better], least[better] = index, slope[better]
+    for number in range(1, owner.max() + 1):
+        own = owner == number
+        while own.any():
+            best, seen = _showing(cameras, places[own])
             if not seen.any():
                 break
-            shown[own[seen, 0], own[seen, 1]] = best
-            own = own[~seen]
+            shown[own] = np.where(seen, best, shown[own])
+            own[own] = ~seen
     return shown
 
 
@@ -156,70 +142,50 @@ def _showing(cameras: Sequence[Camera], places: FloatArray) -> tuple[int, BoolAr
     return best, seen
 
 
-def _slope(pose: Pose, places: NDArray[Any]) -> NDArray[Any]:
+def _slope(pose: Pose, places: FloatArray) -> NDArray[Any]:
     """Squared tangent of the angle from straight down at which a camera looks at places (..., 3)."""
-    away = places - pose.center
-    slope = (away[..., 0] ** 2 + away[..., 1] ** 2) / away[..., 2] ** 2
-    return np.asarray(np.where(away[..., 2] < 0.0, slope, np.inf))
+    x, y, z = np.moveaxis(places - pose.center, -1, 0)
+    return np.asarray(np.where(z < 0.0, (x**2 + y**2) / z**2, np.inf))
 
 
 def _gains(sparse: SparseResult, names: Sequence[str], places: FloatArray) -> FloatArray:
-    """Factors (photographs,) that make photographs equally bright where they show the same places (n, 3).
+    """Factors (photographs,) that make photographs equally bright where they show the same places (rows, columns, 3).
 
     Least squares of the logarithms: brightness = place · photograph.
     """
-    logs = np.full((len(names), len(places)), np.nan)
-    for row, name in zip(logs, names, strict=True):
+    rows = []
+    for name in names:
         image = cv2.blur(
             read_image(sparse.capture.photo(name), max_side=_GAIN_SIDE_PX, gray=True), (_GAIN_BLUR_PX,) * 2
         )
-        camera = sparse.intrinsics[name].scaled(image.shape[1], image.shape[0])
-        local = sparse.poses[name].to_camera(places)
-        seen = camera.sees(local)
-        column, line = np.minimum(camera.project(local[seen]).astype(int), (camera.width - 1, camera.height - 1)).T
-        row[seen] = np.log(np.maximum(image[line, column], 1))
-    known = np.isfinite(logs)
-    weights = known / np.maximum(known.sum(axis=0), 1)  # of each photograph in a place's mean
-    values = np.where(known, logs, 0.0)
-    off = np.where(known, logs - (weights * values).sum(axis=0), 0.0)
-    equations = np.diag(known.sum(axis=1) + 1.0) - weights @ known.T
-    gains: FloatArray = np.exp(-np.linalg.solve(equations, off.sum(axis=1)))
+        logs = np.log(np.maximum(image, 1).astype(np.float32))
+        rows.append(_resampled(logs, sparse, name, places, cv2.BORDER_CONSTANT).reshape(-1))
+    values = np.ma.masked_invalid(rows)
+    known = (~np.ma.getmaskarray(values)).astype(np.float64)
+    off = (values - values.mean(axis=0)).sum(axis=1).filled(0.0)
+    equations = np.diag(known.sum(axis=1) + 1.0) - known / np.maximum(known.sum(axis=0), 1.0) @ known.T
+    gains: FloatArray = np.exp(-np.linalg.solve(equations, off))
     return np.clip(gains, 1.0 / _LARGEST_GAIN, _LARGEST_GAIN)
 
 
-def _draw(
-    file: Any, sparse: SparseResult, name: str, own: BoolArray, region: Region, gain: float, field: Field
-) -> None:
-    """Draw the squares that are a photograph's ``own`` (rows, columns); all are within ``region``."""
-    from rasterio.windows import Window
-
-    pose, photo = sparse.poses[name], sparse.capture.photo(name)
-    pixel_m = (pose.center[2] - float(np.median(field.squares[own][:, 2]))) / sparse.intrinsics[name].fx
-    side = max(photo.width, photo.height) * min(1.0, _SHARPER * pixel_m / field.grid.cell_m)
-    image = cv2.convertScaleAbs(read_image(photo, max_side=round(side)), alpha=gain)
-    camera = sparse.intrinsics[name].scaled(image.shape[1], image.shape[0])
-    for rows, columns in _tiles(region):
-        squares = own[rows, columns]
-        if not squares.any():
-            continue
-        height, width = squares.shape
-        around = field.places[rows.start : rows.stop + 2, columns.start : columns.stop + 2]
-        fine = cv2.resize(around, None, fx=SEAM_PX, fy=SEAM_PX, interpolation=cv2.INTER_LINEAR)
-        fine = fine[SEAM_PX:-SEAM_PX, SEAM_PX:-SEAM_PX]
-        local = pose.to_camera(np.asarray(fine, dtype=np.float64).reshape(-1, 3))
-        x, y = (camera.project(local).T.reshape(2, *fine.shape[:2]) - 0.5).astype(np.float32)
-        drawn = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        corner = SEAM_PX * columns.start, SEAM_PX * rows.start
-        window = Window(*corner, SEAM_PX * width, SEAM_PX * height)
-        colors = np.concatenate([drawn.transpose(2, 0, 1), np.full((1, *drawn.shape[:2]), 255, np.uint8)])
-        here = squares.repeat(SEAM_PX, axis=0).repeat(SEAM_PX, axis=1)
-        file.write(np.where(here, colors, file.read(window=window)), window=window)
+def _resampled(image: NDArray[Any], sparse: SparseResult, name: str, places: FloatArray, border: int) -> NDArray[Any]:
+    """Pixels of a photograph, of whatever size, at places (rows, columns, 3)."""
+    local = sparse.poses[name].to_camera(places.reshape(-1, 3))
+    pixels = sparse.intrinsics[name].scaled(image.shape[1], image.shape[0]).project(local) - 0.5
+    x, y = pixels.astype(np.float32).T.reshape(2, *places.shape[:2])
+    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=border, borderValue=np.nan)
 
 
-def _tiles(region: Region) -> Iterator[Region]:
-    """A region of squares in parts that are read and written at once."""
-    rows, columns = (
-        [slice(at, min(at + _TILE, part.stop)) for at in range(part.start // _TILE * _TILE, part.stop, _TILE)]
-        for part in region
-    )
-    yield from itertools.product(rows, columns)
+def _tiles(grid: Grid, own: BoolArray) -> Iterator[tuple[Grid, tuple[slice, slice]]]:
+    """Parts of a field with squares that are a photograph's own: their pixels, and which squares they are."""
+    for top, left in np.ndindex(*(-(-count // _TILE) for count in own.shape)):
+        squares = slice(_TILE * top, _TILE * (top + 1)), slice(_TILE * left, _TILE * (left + 1))
+        rows, columns = (SEAM_PX * count for count in own[squares].shape)
+        at = grid.left + SEAM_PX * squares[1].start, grid.top + SEAM_PX * squares[0].start
+        if own[squares].any():
+            yield replace(grid, left=at[0], top=at[1], columns=columns, rows=rows), squares
+
+
+def _enlarged(squares: NDArray[Any]) -> NDArray[Any]:
+    """Values of squares, by pixels."""
+    return squares.repeat(SEAM_PX, axis=0).repeat(SEAM_PX, axis=1)

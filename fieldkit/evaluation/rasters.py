@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -33,14 +32,6 @@ NODATA = -9999.0
 """Value of a cell without a height."""
 REFUSED_TAG = "height_refused"
 """Of a canopy's raster: why the traits of its plot give no height."""
-_OPTIONS: dict[str, Any] = {
-    "count": 1,
-    "dtype": "float32",
-    "nodata": NODATA,
-    "COMPRESS": "DEFLATE",
-    "PREDICTOR": "FLOATING_POINT",
-}
-"""How heights are written (`optimized`)."""
 _COLORED_PX = 2000
 """Longer side of the copy of a raster that its colours are chosen by, cells."""
 _CANOPY_COLORS = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
@@ -178,10 +169,16 @@ def write_heights(folder: Path, grid: Grid, plots: Iterable[HeightRasters], refu
     names = (CANOPY_FILE, SURFACE_FILE)
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
-        files = [stack.enter_context(optimized(folder / name, grid, **_OPTIONS)) for name in names]
+        profile = {"count": 1, "dtype": "float32", "nodata": NODATA}
+        rasters = (
+            optimized(folder / name, grid, profile, COMPRESS="DEFLATE", PREDICTOR="FLOATING_POINT") for name in names
+        )
+        files = [stack.enter_context(raster) for raster in rasters]
         for plot in plots:
             for file, raster in zip(files, plot, strict=True):
-                _lay(file, grid, raster)
+                window = grid.window(raster.grid)
+                highest = np.fmax(file.read(1, window=window, masked=True).filled(np.nan), raster.heights)
+                file.write(np.where(np.isfinite(highest), highest, np.float32(NODATA)), 1, window=window)
         for name, file in zip(names, files, strict=True):
             canopy = name == CANOPY_FILE
             least = f", AT LEAST: {refused}" if refused else ""
@@ -191,16 +188,6 @@ def write_heights(folder: Path, grid: Grid, plots: Iterable[HeightRasters], refu
             small = file.read(1, out_shape=tuple(max(1, int(share * side)) for side in file.shape), masked=True)
             write_style(folder / name, color_span(small.filled(np.nan), canopy=canopy), canopy=canopy)
     return [name for file in names for name in (file, Path(file).with_suffix(".qml").name)]
-
-
-def _lay(file: Any, grid: Grid, raster: HeightRaster) -> None:
-    """Write the heights of a plot into a file where they are the highest."""
-    from rasterio.windows import Window
-
-    rows, columns = raster.heights.shape
-    window = Window(raster.grid.left - grid.left, raster.grid.top - grid.top, columns, rows)
-    highest = np.fmax(file.read(1, window=window, masked=True).filled(np.nan), raster.heights)
-    file.write(np.where(np.isfinite(highest), highest, np.float32(NODATA)), 1, window=window)
 
 
 def coarse_place(frame: MetricFrame, so: str = _RASTERS_OFF) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fieldkit.arrays import BoolArray, FloatArray, IntArray
+from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.reconstruction.result import MetricFrame
 
 MOST_CELLS = 100_000_000
 """Most cells of a plot's raster."""
-BLOCK = 256
+_BLOCK = 256
 """Side of a raster's blocks, cells."""
 _SOUTHERN = 32700
 """EPSG codes of southern zones are above."""
@@ -96,96 +96,68 @@ class Grid:
             )
         return cls(left, top, columns, rows, cell_m, epsg)
 
-    @property
-    def west(self) -> float:
-        """Easting of the outer corner of the first cell, metres."""
-        return self.left * self.cell_m
-
-    @property
-    def north(self) -> float:
-        """Its northing, metres."""
-        return -self.top * self.cell_m
-
     def transform(self, step: int = 1) -> Any:
         """From columns and rows of squares of so many cells to easting and northing, as rasterio takes it."""
         from rasterio import Affine
 
-        return Affine(step * self.cell_m, 0.0, self.west, 0.0, -step * self.cell_m, self.north)
+        edge_m = step * self.cell_m
+        return Affine(edge_m, 0.0, self.left * self.cell_m, 0.0, -edge_m, -self.top * self.cell_m)
 
-    def cells(self, utm: FloatArray) -> tuple[Any, Any]:
-        """Rows and columns (n,) of the cells of places (n, 2 or more)."""
-        return (
-            np.floor(-utm[:, 1] / self.cell_m).astype(np.int64) - self.top,
-            np.floor(utm[:, 0] / self.cell_m).astype(np.int64) - self.left,
-        )
+    def window(self, part: Grid) -> Any:
+        """Where a file of these cells has some of them, as rasterio takes it."""
+        from rasterio.windows import Window
 
-    def holds(self, utm: FloatArray) -> BoolArray:
-        """(n,) which of some places it has a cell for."""
-        row, column = self.cells(utm)
-        return np.asarray((row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns))
+        return Window(part.left - self.left, part.top - self.top, part.columns, part.rows)
 
-    def places(self, height: float, step: int = 1, beyond: int = 0) -> FloatArray:
-        """(rows, columns, 3) easting and northing of the middles of squares, and a height.
+    def cells(self, utm: FloatArray) -> IntArray:
+        """Rows and columns (2, n) of the cells of places (n, 2 or more)."""
+        south_east = np.floor(utm[:, 1::-1] * (-1.0, 1.0) / self.cell_m).astype(np.int64)
+        return (south_east - (self.top, self.left)).T
 
-        Args:
-            height: of all.
-            step: edge of a square, cells; divides the sides.
-            beyond: squares more on each side.
-        """
-        east, south = (
-            (first + step * (np.arange(-beyond, count // step + beyond) + 0.5)) * self.cell_m
-            for first, count in ((self.left, self.columns), (self.top, self.rows))
-        )
-        return np.stack([*np.meshgrid(east, -south), np.full((len(south), len(east)), height)], axis=-1)
+    def places(self, heights: FloatArray, step: int = 1) -> FloatArray:
+        """(rows, columns, 3) easting and northing of the middles of squares of so many cells, and heights."""
+        rows, columns = heights.shape
+        east = (self.left + step * (np.arange(columns) + 0.5)) * self.cell_m
+        south = (self.top + step * (np.arange(rows) + 0.5)) * self.cell_m
+        return np.stack([*np.meshgrid(east, -south), heights], axis=-1)
 
-    def painted(self, shapes: Sequence[shapely.Geometry], numbers: Sequence[int], step: int = 1) -> IntArray:
+    def painted(self, shapes: Iterable[shapely.Geometry], numbers: Iterable[int], step: int = 1) -> IntArray:
         """(rows, columns) number of the last of some polygons in UTM that a square's middle lies in; 0 in none."""
         from rasterio import features
 
-        transform, shape = self.transform(step), (self.rows // step, self.columns // step)
-        painted = features.rasterize(zip(shapes, numbers, strict=True), shape, transform=transform, dtype="int32")
-        return np.asarray(painted, dtype=np.int64)
+        pairs, shape = zip(shapes, numbers, strict=True), (self.rows // step, self.columns // step)
+        return np.asarray(features.rasterize(pairs, shape, transform=self.transform(step)), dtype=np.int64)
 
 
 @contextmanager
-def optimized(path: Path, grid: Grid, **options: Any) -> Iterator[Any]:
+def optimized(path: Path, grid: Grid, profile: Mapping[str, Any], **options: str) -> Iterator[Any]:
     """A raster to be written and read by windows (rasterio, "w+"); in the end a Cloud Optimized GeoTIFF.
 
     Args:
         path: of the file.
         grid: its cells.
-        options: how it is written; those in small letters are rasterio's own, as of its ``open``, the others of GDAL's
-            driver COG.
+        profile: of its bands, as rasterio's ``open`` takes it.
+        options: of GDAL's driver COG.
     """
     import rasterio
     import rasterio.shutil
 
-    own = {name: value for name, value in options.items() if name.islower()}
     with tempfile.TemporaryDirectory(prefix=".raster-", dir=path.parent) as folder:
         plain, made = str(Path(folder) / "plain.tif"), Path(folder) / path.name
-        profile = {
-            "driver": "GTiff",
-            "width": grid.columns,
-            "height": grid.rows,
-            "crs": f"EPSG:{grid.epsg}",
-            "transform": grid.transform(),
-            "tiled": True,
-            "blockxsize": BLOCK,
-            "blockysize": BLOCK,
-            "sparse_ok": True,
-            "bigtiff": "IF_SAFER",
-        }
-        with rasterio.open(plain, "w+", **profile, **own) as file:
-            yield file
-        rasterio.shutil.copy(
+        with rasterio.open(
             plain,
-            str(made),
-            driver="COG",
-            BLOCKSIZE=str(BLOCK),
-            OVERVIEWS="IGNORE_EXISTING",
-            OVERVIEW_RESAMPLING="AVERAGE",
-            BIGTIFF="IF_SAFER",
-            SPARSE_OK="TRUE",
-            **{name: value for name, value in options.items() if name.isupper()},
-        )
+            "w+",
+            driver="GTiff",
+            width=grid.columns,
+            height=grid.rows,
+            crs=f"EPSG:{grid.epsg}",
+            transform=grid.transform(),
+            tiled=True,
+            sparse_ok=True,
+            bigtiff="IF_SAFER",
+            **profile,
+        ) as file:
+            yield file
+        options |= {"OVERVIEWS": "IGNORE_EXISTING", "OVERVIEW_RESAMPLING": "AVERAGE", "BIGTIFF": "IF_SAFER"}
+        rasterio.shutil.copy(plain, str(made), driver="COG", BLOCKSIZE=str(_BLOCK), SPARSE_OK="TRUE", **options)
         write_atomic(path, made.read_bytes())
