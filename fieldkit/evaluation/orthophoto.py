@@ -12,16 +12,21 @@ from typing import Any
 
 import cv2
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.captures import read_image
+from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE
 from fieldkit.evaluation.utm import Grid, Projection, optimized
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.runtime.context import Context
 
 ORTHOPHOTO_FILE = "orthophoto.tif"
+MARGIN_M = 0.2
+"""Width about a plot that is drawn from the plot's photograph: leaves hang over, metres."""
 SEAM_PX = 8
 """Edge of the squares that seams run between, pixels of the orthophoto."""
 _SHARPER = 1.25
@@ -46,60 +51,69 @@ Camera = tuple[Intrinsics, Pose]
 
 
 def write_orthophoto(
-    path: Path,
+    folder: Path,
     sparse: SparseResult,
-    surface: Path,
     grid: Grid,
     projection: Projection,
-    soil: FloatArray,
-    places: FloatArray,
-    owner: IntArray,
+    area: shapely.Geometry,
+    plots: Sequence[shapely.Geometry],
     context: Context,
 ) -> None:
-    """Write an orthophoto as a Cloud Optimized GeoTIFF: RGB with a mask, JPEG within.
+    """Write orthophoto.tif, a Cloud Optimized GeoTIFF: RGB with a mask, JPEG within.
 
     Each plot with its margin is drawn from the photograph that shows all of it and looks at it closest to straight
     down; where none shows all of it, from few. The rest is drawn from the photograph that looks straightest down on it,
     which is that of the nearest centre. Photographs are made equally bright by a factor each.
 
     Args:
-        path: of the file.
+        folder: with canopy-height.tif and surface.tif; where they have no heights the nearest ground goes on.
         sparse: the mapped flight.
-        surface: file of the surface's heights, UTM.
-        grid: of both files; its sides are multiples of `SEAM_PX`.
+        grid: of all three files; its sides are multiples of `SEAM_PX`.
         projection: of the plot frame.
-        soil: (rows, columns) height of the ground in squares of `SEAM_PX` pixels, UTM: where ``surface`` has none.
-        places: (rows, columns, 3) the squares' middles on the surface, plot frame.
-        owner: (rows, columns) as of `seams`.
+        area: what is shown, UTM.
+        plots: outlines in it.
         context: told of the stage.
     """
     import rasterio
+    from rasterio.enums import Resampling
 
     names = sorted(sparse.poses, key=lambda name: sparse.poses[name].forward[2])
-    shown = seams([(sparse.intrinsics[name], sparse.poses[name]) for name in names], places, owner)
-    used = np.unique(shown[shown >= 0]).tolist()
-    gains = _gains(sparse, [names[index] for index in used], places[::_GAIN_SQUARES, ::_GAIN_SQUARES])
+    # What is in a plot is not of its neighbour's margin.
+    painted = [area, *(outline.buffer(MARGIN_M) for outline in plots), *plots]
+    owner = grid.painted(painted, [0, *2 * list(range(1, len(plots) + 1))], SEAM_PX, beyond=-1)
     profile = {"count": 4, "dtype": "uint8", "photometric": "RGB", "alpha": "YES", "interleave": "pixel"}
     with (
-        context.progress.stage("Orthophoto", len(used)) as advance,
-        rasterio.open(surface) as heights,
-        optimized(path, grid, profile, COMPRESS="JPEG", QUALITY=_QUALITY) as file,
+        rasterio.open(folder / CANOPY_FILE) as canopy,
+        rasterio.open(folder / SURFACE_FILE) as surface,
+        optimized(folder / ORTHOPHOTO_FILE, grid, profile, COMPRESS="JPEG", QUALITY=_QUALITY) as file,
     ):
-        for index, gain in zip(used, gains, strict=True):
-            name, own = names[index], shown == index
-            photo, high_m = sparse.capture.photo(name), sparse.poses[name].center[2] - np.median(places[own][:, 2])
-            finer = sparse.intrinsics[name].fx * grid.cell_m / high_m
-            side = round(max(photo.width, photo.height) * min(1.0, _SHARPER / finer))
-            image = cv2.convertScaleAbs(read_image(photo, max_side=side), alpha=gain)
-            for part, squares in _tiles(grid, own):
-                window, (here, bare) = grid.window(part), (_enlarged(of[squares]) for of in (own, soil))
-                read = heights.read(1, window=window, masked=True).filled(np.nan)
-                rough = np.where(np.isfinite(read), read, bare).astype(np.float32)
-                top = np.asarray(cv2.medianBlur(rough, _MEDIAN_PX), dtype=np.float64)
-                drawn = _resampled(image, sparse, name, projection.to_plot(part.places(top)), cv2.BORDER_REPLICATE)
-                drawn = np.dstack([drawn, np.full(here.shape, 255, dtype=np.uint8)]).transpose(2, 0, 1)
-                file.write(np.where(here, drawn, file.read(window=window)), window=window)
-            advance(1)
+        mean = {"out_shape": owner.shape, "resampling": Resampling.average, "masked": True}
+        above, top = (raster.read(1, **mean).filled(np.nan).astype(np.float64) for raster in (canopy, surface))
+        nearest = distance_transform_edt(np.isnan(top), return_distances=False, return_indices=True)
+        soil = (top - above)[tuple(nearest)]
+        places = projection.to_plot(grid.places(np.where(np.isnan(top), soil, top), SEAM_PX))
+        shown = seams([(sparse.intrinsics[name], sparse.poses[name]) for name in names], places, owner)
+        used = np.unique(shown[shown >= 0]).tolist()
+        gains = _gains(sparse, [names[index] for index in used], places[::_GAIN_SQUARES, ::_GAIN_SQUARES])
+        with context.progress.stage("Orthophoto", len(used)) as advance:
+            for index, gain in zip(used, gains, strict=True):
+                name, own = names[index], shown == index
+                photo, high_m = sparse.capture.photo(name), sparse.poses[name].center[2] - np.median(places[own][:, 2])
+                share = min(1.0, _SHARPER * high_m / (sparse.intrinsics[name].fx * grid.cell_m))
+                read_px = round(share * max(photo.width, photo.height))
+                image = cv2.convertScaleAbs(read_image(photo, max_side=read_px), alpha=gain)
+                for part, squares in _tiles(grid, own):
+                    window = grid.window(part)
+                    here, bare = (of[squares].repeat(SEAM_PX, axis=0).repeat(SEAM_PX, axis=1) for of in (own, soil))
+                    read = surface.read(1, window=window, masked=True).filled(np.nan)
+                    rough = np.where(np.isfinite(read), read, bare).astype(np.float32)
+                    smooth = np.asarray(cv2.medianBlur(rough, _MEDIAN_PX), dtype=np.float64)
+                    drawn = _resampled(
+                        image, sparse, name, projection.to_plot(part.places(smooth)), cv2.BORDER_REPLICATE
+                    )
+                    drawn = np.dstack([drawn, np.full(here.shape, 255, dtype=np.uint8)]).transpose(2, 0, 1)
+                    file.write(np.where(here, drawn, file.read(window=window)), window=window)
+                advance(1)
 
 
 def seams(cameras: Sequence[Camera], places: FloatArray, owner: IntArray) -> IntArray:
@@ -120,26 +134,16 @@ def seams(cameras: Sequence[Camera], places: FloatArray, owner: IntArray) -> Int
     for number in range(1, owner.max() + 1):
         own = owner == number
         while own.any():
-            best, seen = _showing(cameras, places[own])
-            if not seen.any():
+            middle = places[own].mean(axis=0)
+            slopes = np.array([_slope(pose, middle) for _, pose in cameras])
+            straightest = np.argsort(slopes, kind="stable")[: np.count_nonzero(slopes < _STEEPEST**2)].tolist()
+            seen = {k: cameras[k][0].sees(cameras[k][1].to_camera(places[own])) for k in straightest}
+            best = max(seen, key=lambda k: np.count_nonzero(seen[k]), default=-1)  # of equal ones the first
+            if best < 0 or not seen[best].any():
                 break
-            shown[own] = np.where(seen, best, shown[own])
-            own[own] = ~seen
+            shown[own] = np.where(seen[best], best, shown[own])
+            own[own] = ~seen[best]
     return shown
-
-
-def _showing(cameras: Sequence[Camera], places: FloatArray) -> tuple[int, BoolArray]:
-    """The photograph that shows most of some places (n, 3), of equal ones that which looks straightest down; which."""
-    slopes = np.array([_slope(pose, places.mean(axis=0)) for _, pose in cameras])
-    best, seen = -1, np.zeros(len(places), dtype=np.bool_)
-    for index in np.argsort(slopes, kind="stable")[: np.count_nonzero(slopes < _STEEPEST**2)]:
-        camera, pose = cameras[index]
-        own = camera.sees(pose.to_camera(places))
-        if own.sum() > seen.sum():
-            best, seen = int(index), own
-        if seen.all():
-            break
-    return best, seen
 
 
 def _slope(pose: Pose, places: FloatArray) -> NDArray[Any]:
@@ -184,8 +188,3 @@ def _tiles(grid: Grid, own: BoolArray) -> Iterator[tuple[Grid, tuple[slice, slic
         at = grid.left + SEAM_PX * squares[1].start, grid.top + SEAM_PX * squares[0].start
         if own[squares].any():
             yield replace(grid, left=at[0], top=at[1], columns=columns, rows=rows), squares
-
-
-def _enlarged(squares: NDArray[Any]) -> NDArray[Any]:
-    """Values of squares, by pixels."""
-    return squares.repeat(SEAM_PX, axis=0).repeat(SEAM_PX, axis=1)

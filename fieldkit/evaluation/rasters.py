@@ -28,6 +28,8 @@ COARSE_M = 0.3
 _RASTERS_OFF = "the rasters may lie that far off, the surface's heights too"
 LEAST_SAMPLING_M = 0.005
 """Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
+MOST_CELLS = 100_000_000
+"""Most cells of a plot's raster."""
 NODATA = -9999.0
 """Value of a cell without a height."""
 REFUSED_TAG = "height_refused"
@@ -116,6 +118,11 @@ def height_rasters(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: floa
         raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
     (standing, epsg), (everything, _) = (to_utm(cloud, frame) for cloud in (plants, scene))
     grid = Grid.about(np.concatenate([standing.points, everything.points]), cell_m, epsg)
+    if grid.rows * grid.columns > MOST_CELLS:
+        raise UsageError(
+            f"a raster of {grid.columns} × {grid.rows} cells of {1000 * cell_m:g} mm is too large",
+            remedy="Give larger cells with --gsd.",
+        )
     canopy, surface = np.full((2, grid.rows, grid.columns), np.nan, dtype=np.float32)
     draw(canopy, grid, everything.points, np.zeros(len(scene)))  # stones and dead leaves are no plants
     draw(surface, grid, everything.points, everything.points[:, 2], 0.5)

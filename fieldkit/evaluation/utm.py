@@ -13,12 +13,9 @@ import numpy as np
 import shapely
 
 from fieldkit.arrays import FloatArray, IntArray
-from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.reconstruction.result import MetricFrame
 
-MOST_CELLS = 100_000_000
-"""Most cells of a plot's raster."""
 _BLOCK = 256
 """Side of a raster's blocks, cells."""
 _SOUTHERN = 32700
@@ -76,7 +73,7 @@ class Grid:
     epsg: int
 
     @classmethod
-    def about(cls, utm: FloatArray, cell_m: float, epsg: int, *, multiple: int = 1, most: int = MOST_CELLS) -> Grid:
+    def about(cls, utm: FloatArray, cell_m: float, epsg: int, multiple: int = 1) -> Grid:
         """The least grid with a cell for each of some places (n, 2 or more).
 
         Args:
@@ -84,16 +81,9 @@ class Grid:
             cell_m: edge of the cells.
             epsg: of the zone.
             multiple: number of cells of which corner and sides are multiples.
-            most: cells; more are refused (UsageError).
         """
         cells = np.floor(utm[:, :2] * (1.0, -1.0) / (multiple * cell_m)).astype(np.int64)
-        left, top = (multiple * cells.min(axis=0)).tolist()
-        columns, rows = (multiple * (np.ptp(cells, axis=0) + 1)).tolist()
-        if rows * columns > most:
-            raise UsageError(
-                f"a raster of {columns} × {rows} cells of {1000 * cell_m:g} mm is too large",
-                remedy="Give larger cells with --gsd.",
-            )
+        left, top, columns, rows = (multiple * np.array([*cells.min(axis=0), *np.ptp(cells, axis=0) + 1])).tolist()
         return cls(left, top, columns, rows, cell_m, epsg)
 
     def transform(self, step: int = 1) -> Any:
@@ -121,12 +111,16 @@ class Grid:
         south = (self.top + step * (np.arange(rows) + 0.5)) * self.cell_m
         return np.stack([*np.meshgrid(east, -south), heights], axis=-1)
 
-    def painted(self, shapes: Iterable[shapely.Geometry], numbers: Iterable[int], step: int = 1) -> IntArray:
-        """(rows, columns) number of the last of some polygons in UTM that a square's middle lies in; 0 in none."""
+    def painted(
+        self, shapes: Iterable[shapely.Geometry], numbers: Iterable[int], step: int = 1, beyond: int = 0
+    ) -> IntArray:
+        """(rows, columns) number of the last of some polygons in UTM that a square's middle lies in, or ``beyond``."""
         from rasterio import features
 
         pairs, shape = zip(shapes, numbers, strict=True), (self.rows // step, self.columns // step)
-        return np.asarray(features.rasterize(pairs, shape, transform=self.transform(step)), dtype=np.int64)
+        return np.asarray(
+            features.rasterize(pairs, shape, beyond, transform=self.transform(step), dtype="int32"), dtype=np.int64
+        )
 
 
 @contextmanager

@@ -15,10 +15,8 @@ from matplotlib.figure import Figure
 from fieldkit.pictures.panels import DPI, FAINT, INK, PAPER, drawable
 
 FIELD_PICTURE = "field.jpg"
-_WIDTH = 12.0
-"""Width of the picture, inches: 1800 pixels."""
-_LARGEST = 13.0
-"""Most inches of its height."""
+_SIDE_PX = 1800
+"""Longer side of the picture."""
 _HEIGHTS = "viridis"
 """Matplotlib's colours of heights."""
 
@@ -26,7 +24,7 @@ _HEIGHTS = "viridis"
 def field_picture(
     orthophoto: Path, outlines: Mapping[str, shapely.Geometry], heights: Mapping[str, float | None]
 ) -> bytes:
-    """As JPEG, at most 2000 pixels.
+    """As JPEG.
 
     Args:
         orthophoto: file of it.
@@ -36,22 +34,21 @@ def field_picture(
     import rasterio
 
     with rasterio.open(orthophoto) as file:
-        share = min(1.0, DPI * _WIDTH / max(file.shape))
-        size = tuple(max(1, int(share * side)) for side in file.shape)
-        picture = np.moveaxis(file.read(out_shape=(3, *size)), 0, -1)
-        picture[file.dataset_mask(out_shape=size) == 0] = 255
+        height, width = (max(1, round(_SIDE_PX * side / max(file.shape))) for side in file.shape)
+        picture = np.moveaxis(file.read(out_shape=(3, height, width)), 0, -1)
+        picture[file.dataset_mask(out_shape=(height, width)) == 0] = 255
         left, bottom, right, top = file.bounds
-    known = [height for height in heights.values() if height is not None]
+    known = [height_m for height_m in heights.values() if height_m is not None]
     share_of, colors = Normalize(min(known, default=0.0), max(known, default=1.0)), mpl.colormaps[_HEIGHTS]
-    figure = Figure((_WIDTH, min(_LARGEST, _WIDTH * (top - bottom) / (right - left))), facecolor=PAPER)
+    figure = Figure((width / DPI, height / DPI))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(picture, extent=(left, right, bottom, top))
     axes.set_axis_off()
     for name, outline in outlines.items():
-        height = heights.get(name)
-        color = FAINT if height is None else colors(share_of(height))
+        height_m = heights.get(name)
+        color = FAINT if height_m is None else colors(share_of(height_m))
         axes.plot(*shapely.get_coordinates(outline).T, color=color, linewidth=2.5)
-        text = drawable(name) if height is None else f"{drawable(name)}\n{height:.2f} m"
+        text = drawable(name) if height_m is None else f"{drawable(name)}\n{height_m:.2f} m"
         box = {"facecolor": PAPER, "edgecolor": color, "alpha": 0.85, "pad": 2.0}
         middle = outline.centroid
         axes.text(middle.x, middle.y, text, size=8, color=INK, ha="center", va="center", parse_math=False, bbox=box)

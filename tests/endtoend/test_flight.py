@@ -64,7 +64,7 @@ def test_photographs_count_for_every_plot_they_show(
     assert line.entries("plots") == 1
     depth, mapping = line.entries("depth"), line.entries("mapping")
     plots = drawn(tmp_path / "plots.geojson", WEST, (30.0, 0.0, 30.5, 0.4), EAST, heading_deg=0.0)
-    done = line.run("evaluate", DATE, "--plots", plots, "-o", "scores", "--fidelity", "draft", "--json")
+    done = line.run("evaluate", DATE, "--plots", plots, "-o", "scores", "--fidelity", "draft", "--rasters", "--json")
     # What is there is not computed again, whatever other plots there are.
     assert (line.entries("plots"), line.entries("depth"), line.entries("mapping")) == (2, 2 * depth, mapping)
     assert differing(line.folder / "first" / "A", line.folder / "scores" / "A") == []
@@ -90,7 +90,10 @@ def test_photographs_count_for_every_plot_they_show(
         assert plot.rows[1].traits.plot_area_m2 == pytest.approx(0.5 * plot.traits.plot_area_m2)
     with (line.folder / "scores" / "rows.csv").open(encoding="utf-8") as file:
         assert [(row["plot"], row["row"]) for row in csv.DictReader(file)] == [(p, r) for p in "AC" for r in "12"]
-    assert load_evaluation_report(line.folder / "scores").flight.right == 8
+    report = load_evaluation_report(line.folder / "scores")
+    assert report.flight.right == 8
+    field = {"canopy-height.tif", "surface.tif", "orthophoto.tif", "field.jpg"}
+    assert {file.name for file in report.files} >= field
 
     save_plan(line.folder / "plan.json", plan_from_poses(STATIONS, CAMERA))
     site = f"format = 1\n[home]\nlatitude_deg = {ORIGIN.latitude_deg}\nlongitude_deg = {ORIGIN.longitude_deg}\n"
