@@ -60,7 +60,7 @@ class Canopy:
     cover: Float32Array
     """(rows, columns) share of each cell that lies below plants, without the seam about leaves."""
     leaf_share: float = 1.0
-    """Of what points cover, the share that lies within the seam of still leaves."""
+    """Of what points cover, the share that lies within the seam, of still leaves at least."""
 
     def within(self, outline: Outline) -> Canopy:
         """The same, with nothing covered beyond an outline; a cell counts where its middle does."""
@@ -152,12 +152,13 @@ def canopy(
     window = np.ones((around + 2 * math.ceil(_GAP_SWAYED * swayed_m / cell),) * 2, dtype=np.uint8)
     over = cv2.morphologyEx(tops, cv2.MORPH_CLOSE, window, borderType=cv2.BORDER_CONSTANT, borderValue=-float("inf"))
     over = np.where(np.isfinite(over), over, cv2.dilate(tops, square))
-    wider = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * math.ceil(max(0.0, seam - 0.5)) + 1,) * 2)
+    still = seam_cells(pixel_m) * pixel_m / cell
+    wider = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * math.ceil(max(0.0, min(seam, still) - 0.5)) + 1,) * 2)
     over = np.where(np.isfinite(over), cv2.erode(np.where(np.isfinite(over), over, np.inf), wider), over)
     tops = np.where(((within > 0) | (cover > 0)) & np.isfinite(over), over, np.float32(np.nan))
     cover = np.where(np.isnan(tops), 0.0, cover).astype(np.float32)
-    still, none = (np.clip(within - of, 0.0, 1.0).sum() for of in (seam_cells(pixel_m) * pixel_m / cell, 0.5))
-    return Canopy((float(low[0]), float(low[1])), cell, tops, cover, float(still / none))
+    leaf, shown = (np.clip(within - of, 0.0, 1.0).sum() for of in (max(seam, still), 0.5))
+    return Canopy((float(low[0]), float(low[1])), cell, tops, cover, float(leaf / shown))
 
 
 def with_room_m(top_m: float) -> float:

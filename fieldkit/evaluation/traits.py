@@ -67,6 +67,9 @@ SCATTER_OF_AREA_M = 0.005
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
+_SEAM_DOUBLED = 0.55
+"""What a metre of sway adds to the seam where photographs overlap closely, metres. Fitted on a block at V10 in 10 mm of
+wind, mapped from its photographs."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -150,8 +153,7 @@ def plot_traits(
     swayed_m = found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
     doubt = scale_doubt(found.sparse)
     heights, sways = ground.heights(points), (found.pixel_m, swayed_m)
-    # Without outlines photographs overlap closely: edges that sway are not lost.
-    cells = (*sways, _seam(found, shown, swayed_m)) if shown else (found.pixel_m, 0.0, seam_cells(found.pixel_m))
+    cells = sways[0], swayed_m if shown else 0.0, _seam(found, shown, swayed_m)
     seen = canopy(points, heights, *cells)
     seen = seen if corners is None else seen.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, *sways), seen.covered_m2, seen.volume_m3
@@ -206,9 +208,11 @@ def plot_traits(
 
 def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m: float) -> float:
     """Width of the seam about leaves, in cells: of swaying ones, more where the cloud fills their outlines, up to that
-    of still ones.
+    of still ones. Without outlines photographs overlap closely, so that edges that sway are not lost, but doubled.
     """
     swaying, still = seam_cells(found.pixel_m, swayed_m), seam_cells(found.pixel_m)
+    if not shown:
+        return still + _SEAM_DOUBLED * swayed_m / found.pixel_m
     if swaying == still:
         return swaying
     filling = silhouettes.filling_seam(shown, found.plants.measured().points, found.pixel_m)

@@ -96,11 +96,13 @@ class TestValues:
         as_still = traits(still).covered_area_m2
         assert area_m2 == as_still if filled else area_m2 > 1.03 * as_still
 
-    def test_without_outlines_nothing_is_added_for_sway(self) -> None:
-        still = found()
-        swaying = traits(replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 3.0))))
-        assert swaying.covered_area_m2 == traits(still).covered_area_m2
-        assert swaying.covered_area_error_m2 >= traits(still).covered_area_error_m2
+    def test_edges_that_sway_are_taken_off_where_photographs_overlap_closely(self) -> None:
+        still = found(leaf(side=0.3, count=180_000))
+        swaying = replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 4.0)))
+        plot = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)))
+        areas = [traits(result, plot).covered_area_m2 for result in (still, swaying)]
+        sides = [float(np.sqrt(area)) for area in areas if area is not None]
+        assert sides[0] - sides[1] == pytest.approx(2 * 0.55 * 4.0 * still.pixel_m, rel=0.1)
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()
