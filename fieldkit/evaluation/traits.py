@@ -63,13 +63,15 @@ _PIXEL_OF_TIPS_M = 0.0012
 """Pixel of the depth maps from which errors of heights grow with it where no outlines show tips, metres: of a block at
 V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the highest leaf."""
 SCATTER_OF_AREA_M = 0.005
-"""Sway from which errors of areas and volumes grow with it, metres."""
+"""Sway from which errors of areas, volumes and quantiles of height grow with it, metres."""
+_SCATTER_OF_FLIGHTS_M = 0.010
+"""The same without outlines, in photographs that overlap closely."""
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
 _SEAM_DOUBLED = 0.55
-"""What a metre of sway adds to the seam where photographs overlap closely, metres. Fitted on a block at V10 in 10 mm of
-wind, mapped from its photographs."""
+"""What a metre of sway adds to the seam where photographs overlap closely, metres; up to 10 mm of sway, of which it was
+fitted, on a block at V10."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -162,18 +164,18 @@ def plot_traits(
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
     of_height = of_height if shown else max(of_height, found.pixel_m / _PIXEL_OF_TIPS_M)
-    of_area = max(1.0, swayed_m / SCATTER_OF_AREA_M) * max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
-    of_tops = max(1.0, swayed_m / SCATTER_OF_TIPS_M)
+    of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
+    of_sway = max(1.0, swayed_m / (SCATTER_OF_AREA_M if shown else _SCATTER_OF_FLIGHTS_M))
     ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
     frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
-    area_error = float(np.hypot(of_area * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
+    area_error = float(np.hypot(of_pixel * of_sway * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
-    lai_error = float(np.hypot(max(1.0, found.pixel_m / FITTED_PIXELS_M[1]) * LAI_ERROR, 2.0 * NINE_IN_TEN * doubt))
-    volume_error = float(np.hypot(of_area * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
+    lai_error = float(np.hypot(of_pixel * LAI_ERROR, 2.0 * NINE_IN_TEN * doubt))
+    volume_error = float(np.hypot(of_pixel * of_sway * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, frame_m))),
         **{
-            trait: (max(0.0, float(top)), float(np.hypot(of_tops * HEIGHT_ERROR_M, frame_m)))
+            trait: (max(0.0, float(top)), float(np.hypot(of_sway * HEIGHT_ERROR_M, frame_m)))
             for trait, top in zip(_QUANTILES, seen.heights_m(*_QUANTILES.values()), strict=True)
         },
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
@@ -199,8 +201,8 @@ def plot_traits(
             unknown.setdefault(trait, f"{share}, since leaves swayed or pixels are coarse")
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
-    if "height_m" in known:  # clouds of swaying leaves lack tips and add none; outlines err both ways
-        below = 1.0 if shown_m is None else of_height
+    if "height_m" in known:  # clouds of swaying leaves lack tips and add none; all else errs both ways
+        below = 1.0 if shown and shown_m is None else of_height
         known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, frame_m))
         known["height_error_m"] = max(known["height_error_m"], (maybe_m or 0.0) - height)
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
@@ -212,7 +214,7 @@ def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m:
     """
     swaying, still = seam_cells(found.pixel_m, swayed_m), seam_cells(found.pixel_m)
     if not shown:
-        return still + _SEAM_DOUBLED * swayed_m / found.pixel_m
+        return still + _SEAM_DOUBLED * min(swayed_m, _SCATTER_OF_FLIGHTS_M) / found.pixel_m
     if swaying == still:
         return swaying
     filling = silhouettes.filling_seam(shown, found.plants.measured().points, found.pixel_m)

@@ -71,7 +71,7 @@ class TestValues:
         assert told.cover_error_percent is not None
         assert told.cover_error_percent == pytest.approx(AREA_ERROR * told.cover_percent, rel=0.1)
 
-    @pytest.mark.parametrize(("metres", "height", "area"), [(0.0, 1.0, 1.0), (0.004, 2.0, 1.0), (0.010, 5.0, 2.0)])
+    @pytest.mark.parametrize(("metres", "height", "area"), [(0.0, 1.0, 1.0), (0.004, 2.0, 1.0), (0.015, 7.5, 1.5)])
     def test_errors_grow_with_what_depths_scatter_beyond_still_leaves(
         self, metres: float, height: float, area: float
     ) -> None:
@@ -79,7 +79,8 @@ class TestValues:
         scatter_px = float(np.hypot(STILL_SCATTER_PX, metres / result.pixel_m))
         told = traits(replace(result, scatter_px=scatter_px))
         assert told.height_error_m == pytest.approx(height * HEIGHT_ERROR_M, rel=0.02)
-        assert told.height_error_below_m == pytest.approx(HEIGHT_ERROR_M, rel=0.02)  # clouds lack tips
+        assert told.height_error_below_m == told.height_error_m
+        assert told.height_p95_error_m == pytest.approx(area * HEIGHT_ERROR_M, rel=0.02)
         assert told.covered_area_error_m2 == pytest.approx(area * AREA_ERROR * told.covered_area_m2, rel=0.02)
 
     @pytest.mark.parametrize("filled", [False, True])
@@ -106,7 +107,7 @@ class TestValues:
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()
-        told = traits(replace(result, scatter_px=0.06 / result.pixel_m))
+        told = traits(replace(result, scatter_px=0.12 / result.pixel_m))
         assert set(told.unknown) - COUNTS == {"cover_percent", "covered_area_m2", "canopy_volume_m3"}
         assert told.unknown["cover_percent"].startswith("its error would be 1")
         assert told.height_m is not None
