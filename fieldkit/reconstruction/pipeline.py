@@ -466,7 +466,8 @@ class _Dense:
             (width, height), covered = sizes[0].size, " × ".join(f"{side:g} m" for side in UNSCALED_M)
             why = f"{width} × {height} pixels: nothing gives the scale, so a photograph is taken to cover {covered}"
         capped = sum(size.capped for size in sizes)
-        limit = f", {count(capped, 'view', of=len(sizes))} limited to {MOST_PIXELS / 1e6:.0f} megapixels"
+        most = MOST_PIXELS[self.settings.fidelity] / 1e6
+        limit = f", {count(capped, 'view', of=len(sizes))} limited to {most:g} megapixels"
         return f"dense stereo at {why}{limit if capped else ''}"
 
     def _view(self, photo: Photo) -> View:

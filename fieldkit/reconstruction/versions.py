@@ -24,7 +24,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "frame": 2,  # plot frame, ground, volume of interest
         "views": 5,  # undistorted photographs and masks
         "depth": 6,  # dense stereo
-        "fusion": 7,  # depth maps into one cloud
+        "fusion": 8,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
         "figures": 12,  # traits of plants, and what predictions are made from

@@ -34,6 +34,9 @@ MIN_AGREEING = 2
 through it."""
 MAX_RELATIVE_DEPTH = 0.012
 """Largest relative difference of two depths that agree, where nothing moves."""
+MAX_DEPTH_PX = 8.0
+"""The same as widths of a pixel, which is less in photographs from afar: 1.2 % of 8 m is the distance of two leaves.
+Fitted on a tuning block of a trial."""
 MAX_REPROJECTION_PX = 1.5
 """Largest round-trip distance of the pixels of two depths that agree, where nothing moves, pixels."""
 STILL_PX = 0.6
@@ -57,13 +60,11 @@ _SCATTER_QUANTILE = 0.75
 """Quantile of the round trips that is the scatter."""
 MOST_OFF = 1.0 / 3.0
 """Share of the masks that may show background at a point's pixel: leaves in the shade, and stems, fall out of masks."""
-PATCH_PX = 64
-"""Most pixels of a scrap, a patch of a depth map at which one view more has to agree: false depths, of leaves that
-look alike, lie in scraps. Fitted on a tuning block of a trial, as those below."""
-FILLING_PATCH_PX = 128
-"""Most pixels of a patch whose depths fill no hole."""
-PATCH_STEP = 0.002
-"""Largest relative difference of neighbouring depths of one patch."""
+SCRAP_PX = 128
+"""Most pixels of a scrap: a patch of a depth map at which one view more has to agree, and whose depths fill no hole.
+False depths, of leaves that look alike, lie in scraps. Fitted on a tuning block of a trial."""
+SCRAP_STEP_PX = 3.0
+"""Largest difference of neighbouring depths of one patch, widths of a pixel: of leaves seen at 72°. Fitted alike."""
 _LOG_UNIT = 2e-4
 """Of the logarithms of depths by which patches are told, as whole numbers."""
 _DEEPEST = 30_000
@@ -92,7 +93,7 @@ def fuse(
     A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
     `MAX_RELATIVE_DEPTH`, and that depth's own point, projected back into A, lies within
     `MAX_REPROJECTION_PX`; where leaves sway both are larger (`tolerances`). Depths that cost `MAX_COST` or more count
-    nowhere, and at a scrap (`PATCH_PX`) one view more has to agree. The point is the mean of the agreeing depths along
+    nowhere, and at a scrap (`SCRAP_PX`) one view more has to agree. The point is the mean of the agreeing depths along
     A's ray, each seen from A: of a leaf that each view shows elsewhere, its mean place. Its colour is the mean of their
     pixels' (`inner_colors`), its normal the mean of their normals.
 
@@ -103,9 +104,8 @@ def fuse(
 
     Depths that no others agree with then fill holes: with masks only, at pixels that are not used up, where no more
     views see through the point than have it, and every mask, `FILLING_MASKS` at least, shows plants (`Cloud.filled`);
-    patches of at most `FILLING_PATCH_PX` fill nothing. ``ground`` is as `Stack.scatter_px` takes it; ``memory`` is for
-    all views' depths once more. The cloud is in the plot frame (metres) with colours and normals, thinned to voxels of
-    one ground sampling distance.
+    scraps fill nothing. ``ground`` is as `Stack.scatter_px` takes it; ``memory`` is for all views' depths once more.
+    The cloud is in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
     stack = Stack.of(views, depth_maps, volume, memory)
     scatter_px = stack.scatter_px(ground)
@@ -176,7 +176,9 @@ class Stack:
         """What `fuse` thins."""
         views, stack = self.views, (self.depths, self.cameras, self.bounds)
         background, used = (self.memory.zeros(self.depths.shape, np.bool_) for _ in range(2))
-        disputes = MAX_RELATIVE_DEPTH, MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
+        focal = np.median([view.intrinsics.fx for view in views]) if views else 1.0
+        nearer = min(1.0, MAX_DEPTH_PX / focal / MAX_RELATIVE_DEPTH)
+        disputes = nearer * MAX_RELATIVE_DEPTH, nearer * MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS, SEE_THROUGH_PX
         colors = [view.image for view in views]
         for i, view in enumerate(views):
             if view.mask is not None:
@@ -184,17 +186,18 @@ class Stack:
                 rows, columns = shown.shape
                 background[i, :rows, :columns] = ~shown
                 colors[i] = inner_colors(view.image, shown)
-        parts, limits = [], tolerances(scatter_px)
+        relative, reprojection = tolerances(scatter_px)
+        parts: list[Cloud] = []
         rules = [(min_agreeing, MOST_OFF, 0)]
         if views and all(view.mask is not None for view in views):
             rules.append((FILLING_AGREEING, 0.0, FILLING_MASKS))
+        scraps = [_scraps(depth, view.intrinsics.fx) for depth, view in zip(self.depths, views, strict=True)]
         for rule, (i, near) in product(rules, enumerate(self.neighbors)):
             most = int(np.count_nonzero(self.depths[i]))
             points, origin = np.empty((most, 3)), np.empty((most, 1 + len(near), 3), dtype=np.int32)
             filling = rule is not rules[0]
-            scraps = _scraps(self.depths[i], FILLING_PATCH_PX if filling else PATCH_PX)
-            least = (rule[0] + scraps * (1 + filling * len(views))).astype(np.int32)
-            count = _fuse_view(i, near, *stack, used, *limits, least, points, origin)
+            least = (rule[0] + scraps[i] * (1 + filling * len(views))).astype(np.int32)
+            count = _fuse_view(i, near, *stack, used, nearer * relative, reprojection, least, points, origin)
             kept = _in_front(points[:count], *stack, background, *disputes, *rule)
             filled = np.full(np.count_nonzero(kept), filling) if len(rules) > 1 else None
             appearance = _appearance(colors, self.depth_maps, origin[:count][kept])
@@ -202,8 +205,8 @@ class Stack:
         return crop(concatenate(parts), self.volume)
 
 
-def _scraps(depth: Float32Array, most_px: int) -> BoolArray:
-    """Mask (rows, columns) of the depths whose patch has at most so many pixels."""
+def _scraps(depth: Float32Array, focal_px: float) -> BoolArray:
+    """Mask (rows, columns) of the depths that lie in scraps."""
     import cv2
 
     known = depth > 0.0
@@ -212,7 +215,7 @@ def _scraps(depth: Float32Array, most_px: int) -> BoolArray:
         logs = np.log(depth[known] / np.median(depth[known])) / _LOG_UNIT
         level[known] = np.clip(logs, -_DEEPEST, _DEEPEST).astype(np.int16)
     level[~known] = -_DEEPEST - 1
-    cv2.filterSpeckles(level, -_DEEPEST - 1, most_px, PATCH_STEP / _LOG_UNIT)
+    cv2.filterSpeckles(level, -_DEEPEST - 1, SCRAP_PX, SCRAP_STEP_PX / focal_px / _LOG_UNIT)
     return np.asarray(known & (level == -_DEEPEST - 1), dtype=np.bool_)
 
 
@@ -229,9 +232,11 @@ def _heights(view: View, depth: Float32Array, ground: Plane) -> Float32Array:
 def fusion_rule(min_agreeing: int, scatter_px: float) -> str:
     """The rule of `fuse` in words."""
     relative, reprojection = tolerances(scatter_px)
+    widths = MAX_DEPTH_PX * relative / MAX_RELATIVE_DEPTH
     return (
-        f"cost < {MAX_COST}, depths within {100 * relative:.2g} %, reprojection < {reprojection:.2g} px, at "
-        f"least {min_agreeing} agreeing views, and as many more than see through; with masks, a third of them off "
+        f"cost < {MAX_COST}, depths within {100 * relative:.2g} % and {widths:.2g} widths of a pixel, reprojection < "
+        f"{reprojection:.2g} px, at least {min_agreeing} agreeing views, one more at scraps of depth maps, and as many "
+        "more than see through; with masks, a third of them off "
         "at most, and holes filled from single views where all masks show plants"
     )
 

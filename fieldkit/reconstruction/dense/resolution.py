@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,12 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.dense.views import depth_range
 from fieldkit.vocabulary import GSD_M, Fidelity
 
-MOST_PIXELS = 6_000_000
-"""Of a view. A drone's wide-angle camera has a GSD of 1 mm with them from 2.5 m, finer than `fine`; at 40
-bytes a pixel ten views take 2.4 GB, and at 9 CPU s a megapixel of plants minutes."""
+MOST_PIXELS: Mapping[Fidelity, int] = MappingProxyType(
+    {"draft": 1_500_000, "standard": 3_000_000, "fine": 6_000_000, "full": 6_000_000}
+)
+"""Of a view. A drone's wide-angle camera has a GSD of 1 mm with six million from 2.5 m, finer than `fine`; at 40
+bytes a pixel ten views take 2.4 GB, and at 9 CPU s a megapixel of plants minutes. Of a plot from 8 m, twenty views of
+three million show more than twelve of six, in less time."""
 SMALL_M = 1.0
 """In a volume whose diagonal is shorter, of seedlings or a pot plant, the wanted GSD is shorter in proportion."""
 PLANTS_M2 = 0.1
@@ -81,7 +85,8 @@ def resolution(
     else:
         own_m, wanted_m = math.sqrt(math.prod(UNSCALED_M) / (width * height)), GSD_M[fidelity]
     steps = max(0, round(_STEPS * math.log2(wanted_m / own_m)) - finer) if wanted_m else 0
-    least = max(0, math.ceil(0.5 * _STEPS * math.log2(width * height / MOST_PIXELS)))
+    largest, wanted = (math.ceil(0.5 * _STEPS * math.log2(width * height / MOST_PIXELS[f])) for f in ("full", fidelity))
+    least = max(0, largest, wanted - finer)
     scale = 2.0 ** (-max(steps, least) / _STEPS)
     reduced = max(1, round(width * scale)), max(1, round(height * scale))
     return Resolution(reduced, own_m / scale, least > steps)

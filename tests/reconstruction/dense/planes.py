@@ -19,7 +19,7 @@ VOLUME = Volume((-0.6, -0.6, -0.35), (0.6, 0.6, 0.5))
 
 @dataclass(frozen=True)
 class Plane:
-    """z = height + x slope_x + y slope_y for |x|, |y| < half, textured by a seed and tinted."""
+    """z = height + x slope_x + y slope_y for |x|, |y| < half about a centre, textured by a seed and tinted."""
 
     height: float = 0.0
     slope_x: float = 0.0
@@ -27,6 +27,7 @@ class Plane:
     half: float = 5.0
     seed: int = 0
     tint: tuple[float, float, float] = (1.0, 0.9, 0.8)
+    center: tuple[float, float] = (0.0, 0.0)
 
     def texture(self, x: NDArray, y: NDArray) -> NDArray:
         """Grey levels 40–215 of smooth noise with details down to about 4 mm."""
@@ -83,9 +84,10 @@ def _cast(planes: Sequence[Plane], pose: Pose, camera: Intrinsics) -> tuple[Floa
     color = np.zeros((*rays.shape[:2], 3), dtype=np.float32)
     for plane in planes:
         slope = rays[..., 2] - plane.slope_x * rays[..., 0] - plane.slope_y * rays[..., 1]
-        offset = plane.height - pose.center[2] + plane.slope_x * pose.center[0] + plane.slope_y * pose.center[1]
+        eye = pose.center - (*plane.center, plane.height)
+        offset = plane.slope_x * eye[0] + plane.slope_y * eye[1] - eye[2]
         depth = offset / slope
-        hit = pose.center + depth[..., None] * rays
+        hit = eye + depth[..., None] * rays
         seen = (depth > 0) & (depth < best) & (np.abs(hit[..., :2]) < plane.half).all(axis=-1)
         value = plane.texture(hit[..., 0], hit[..., 1])
         color[seen] = (value[..., None] * np.array(plane.tint))[seen]

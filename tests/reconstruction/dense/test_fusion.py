@@ -78,6 +78,14 @@ def test_depths_agree_within_a_relative_difference(perfect, factor, kept, monkey
     assert (len(Stack.of(*two, VOLUME).agreeing_points(1)) > 1000) is kept
 
 
+def test_depths_from_afar_agree_within_widths_of_a_pixel(perfect, monkeypatch):
+    views, maps = perfect
+    two = ([views[0], views[1]], [maps[0], scaled(maps[1], 1.008)])
+    assert len(Stack.of(*two, VOLUME).agreeing_points(1)) > 1000
+    monkeypatch.setattr(fusion, "MAX_DEPTH_PX", 0.004 * views[0].intrinsics.fx)
+    assert len(Stack.of(*two, VOLUME).agreeing_points(1)) < 1000
+
+
 def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
     views, maps = perfect
     two = ([views[0], views[1]], [maps[0], scaled(maps[1], 1.01)])
@@ -122,8 +130,8 @@ def test_tolerances_are_wider_where_depths_scatter_only():
     assert pixels == pytest.approx(6.0)
     assert relative == pytest.approx(4 * MAX_RELATIVE_DEPTH)
     assert tolerances(9.0)[1] == WIDEST_PX
-    assert "depths within 1.2 %, reprojection < 1.5 px" in fusion_rule(2, 0.9)
-    assert "depths within 4.8 %, reprojection < 6 px" in fusion_rule(2, 2.6)
+    assert "depths within 1.2 % and 8 widths of a pixel, reprojection < 1.5 px" in fusion_rule(2, 0.9)
+    assert "depths within 4.8 % and 32 widths of a pixel, reprojection < 6 px" in fusion_rule(2, 2.6)
 
 
 def test_a_surface_that_every_view_shows_elsewhere_is_fused_at_its_mean_place(eight):

@@ -39,10 +39,11 @@ def test_a_photograph_reduced_by_another_program_has_a_gsd_of_its_own():
 
 def test_pixels_are_capped():
     large = CAMERA.scaled(8000, 6000)
-    found = of("full", above(3.0), large)
-    assert found.capped
-    assert 0.8 * MOST_PIXELS < found.size[0] * found.size[1] <= MOST_PIXELS
-    assert not of("standard", above(3.0), large).capped
+    assert not of("standard", above(2.5), large).capped
+    for fidelity, height_m in (("full", 3.0), ("fine", 8.0), ("standard", 8.0), ("draft", 8.0)):
+        found = of(fidelity, above(height_m), large)
+        assert found.capped
+        assert 0.8 * MOST_PIXELS[fidelity] < found.size[0] * found.size[1] <= 1.001 * MOST_PIXELS[fidelity]
 
 
 def test_the_depth_of_a_long_plot_is_that_of_what_fills_the_picture():
