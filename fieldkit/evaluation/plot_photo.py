@@ -26,11 +26,17 @@ def plot_photo(found: Reconstruction, corners: Outline) -> bytes:
         corners: of the plot, plot frame.
     """
     sparse, top = found.sparse, found.plants.points[:, 2].max()
-    feet = np.column_stack([corners, np.full(len(corners), found.volume.lower[2])])
-    box = np.concatenate([feet, feet * (1.0, 1.0, 0.0) + (0.0, 0.0, top)])
-    name = max(sparse.poses, key=lambda name: _shown(found, name, box))
+    box = np.concatenate([np.column_stack([corners, np.full(len(corners), z)]) for z in (found.volume.lower[2], top)])
+
+    def shown(name: str) -> tuple[int, float, str, FloatArray]:
+        """How many of the plot's corners are in the picture, the area that they span, and where all are, pixels."""
+        local, camera = sparse.poses[name].to_camera(box), sparse.intrinsics[name]
+        pixels = camera.project(local[local[:, 2] > 0.0])
+        visible = int(camera.without_distortion().sees(local).sum())
+        return visible, float(np.ptp(pixels, axis=0).prod()) if visible else 0.0, name, pixels
+
+    _, _, name, seen = max(map(shown, sparse.poses), key=lambda each: each[:2])
     photo = sparse.capture.photo(name)
-    seen = _pixels(found, name, box)
     room = _ROOM * np.ptp(seen, axis=0).max()
     size = np.array([photo.width, photo.height])
     (left, upper), (right, lower) = np.clip([seen.min(axis=0) - room, seen.max(axis=0) + room], 0, size).astype(int)
@@ -38,16 +44,3 @@ def plot_photo(found: Reconstruction, corners: Outline) -> bytes:
     scale = min(1.0, _MOST_PX / max(image.shape))
     cropped = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return cv2.imencode(".jpg", cropped, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
-
-
-def _shown(found: Reconstruction, name: str, box: FloatArray) -> tuple[int, float]:
-    """How many of a plot's corners a photograph has in the picture, and the area that they span, pixels."""
-    camera, pose = found.sparse.intrinsics[name].without_distortion(), found.sparse.poses[name]
-    visible = int(camera.sees(pose.to_camera(box)).sum())
-    return visible, float(np.ptp(_pixels(found, name, box), axis=0).prod()) if visible else 0.0
-
-
-def _pixels(found: Reconstruction, name: str, box: FloatArray) -> FloatArray:
-    """Where a photograph has those of some places (n, 3) that lie before the camera: (m, 2)."""
-    local = found.sparse.poses[name].to_camera(box)
-    return found.sparse.intrinsics[name].project(local[local[:, 2] > 0.0])

@@ -43,18 +43,18 @@ def test_plots_lie_in_ranges_and_columns_with_alleys_between(tmp_path: Path) -> 
 def test_a_block_need_not_be_square() -> None:
     askew = corners()
     askew[2] += (2e-5, 1e-5)
-    rings = [f["geometry"]["coordinates"][0] for f in plots_grid(askew, 3, 5)["features"]]
+    rings = [f["geometry"]["coordinates"][0] for f in plots_grid(askew.ravel(), 3, 5)["features"]]
     whole = shapely.union_all([shapely.Polygon(ring).buffer(1e-9) for ring in rings])
     assert whole.area == pytest.approx(shapely.Polygon(askew[:, ::-1]).area, rel=1e-3)
 
 
 @pytest.mark.parametrize(("order", "alley_m"), [((0, 2, 1, 3), 0.0), ((0, 1, 2, 3), 7.0)])
 def test_what_is_no_block_is_refused(order: tuple[int, ...], alley_m: float) -> None:
-    with pytest.raises(UsageError, match=r"sides cross|do not fit"):
-        plots_grid(corners()[list(order)], 4, 10, alley_m=alley_m)
+    with pytest.raises(UsageError, match="4 × 10 plots do not fit"):
+        plots_grid(corners()[list(order)].ravel(), 4, 10, alley_m=alley_m)
 
 
-@pytest.mark.parametrize("grid", ["4", "4x", "0x3", "4x10x2"])
+@pytest.mark.parametrize("grid", ["4", "4x", "x3", "4x10x2"])
 def test_a_grid_is_two_numbers(grid: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["plots", "--corners", "0,0,0,1,1,1,1,0", "--grid", grid, "-o", str(tmp_path / "p.geojson"), "--json"]
     assert main(arguments) == 2
