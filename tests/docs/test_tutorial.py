@@ -22,10 +22,10 @@ FIELD = ROOT / "docs" / "tutorial"
 FIGURE = re.compile(r"[-−]?\d[\d.,]*")
 
 
-def commands() -> Iterator[tuple[list[str], list[str]]]:
-    """The page's commands of fieldkit, each with the lines that it is shown to print."""
+def commands(page: str) -> Iterator[tuple[list[str], list[str]]]:
+    """A page's commands of fieldkit, each with the lines that it is shown to print."""
     found: list[tuple[list[str], list[str]]] = []
-    for line in (ROOT / "docs" / "getting-started.md").read_text("utf-8").splitlines():
+    for line in (ROOT / "docs" / page).read_text("utf-8").splitlines():
         if line.startswith("    $ "):
             found.append((shlex.split(line[6:]), []))
         elif line.startswith("    ") and found:
@@ -49,11 +49,20 @@ def trial(tmp_path: Path) -> Path:
     return folder
 
 
-def test_every_command_runs_and_says_what_the_page_shows(trial: Path) -> None:
+@pytest.mark.parametrize(
+    ("page", "count", "result", "plots"),
+    [
+        ("getting-started.md", 15, "season", ["A1", "A2", "B1", "B2"]),
+        ("trials.md", 4, "scores", [f"r{row}c{column}" for row in (1, 2) for column in (1, 2, 3, 4)]),
+    ],
+)
+def test_every_command_runs_and_says_what_the_page_shows(
+    trial: Path, page: str, count: int, result: str, plots: list[str]
+) -> None:
     script = "import sys; from fieldkit.cli.main import main; sys.exit(main())"
     environment = {**os.environ, "FIELDKIT_CACHE": str(trial / "cache"), "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
     ran = 0
-    for words, shown in commands():
+    for words, shown in commands(page):
         done = subprocess.run(
             [sys.executable, "-c", script, *words[1:]],
             cwd=trial,
@@ -69,8 +78,8 @@ def test_every_command_runs_and_says_what_the_page_shows(trial: Path) -> None:
             for part in filter(None, (words_of(part) for part in line.split("…"))):
                 assert part in said, (words, line, done.stdout + done.stderr)
         ran += 1
-    assert ran == 15
-    with (trial / "season" / "traits.csv").open(encoding="utf-8", newline="") as table:
+    assert ran == count
+    with (trial / result / "traits.csv").open(encoding="utf-8", newline="") as table:
         rows = {row["plot"]: row for row in csv.DictReader(table)}
-    assert sorted(rows) == ["A1", "A2", "B1", "B2"]
+    assert sorted(rows) == plots
     assert all(row[trait] for row in rows.values() for trait in ("height_m", "cover_percent", "canopy_volume_m3"))
