@@ -32,7 +32,6 @@ class Suite(StrEnum):
 class Study(StrEnum):
     """A study of a suite."""
 
-    HELP = "help"
     CLOUDS = "clouds"
     DENSE = "dense"
     EVALUATION = "evaluation"
@@ -41,7 +40,6 @@ class Study(StrEnum):
     WEAK_TIES = "weak-ties"
     KNOWN_POSES = "known-poses"
     LEARNED_TIES = "learned-ties"
-    MAPPINGS = "mappings"
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"
     SUBSET_SCORES = "subset-scores"
@@ -67,7 +65,6 @@ class Study(StrEnum):
     PLANT_COUNTS = "plant-counts"
     SCORE_PREDICTION = "score-prediction"
     NEXT_VISIT = "next-visit"
-    REPORT_SIZE = "report-size"
 
 
 def command(
@@ -146,10 +143,10 @@ def command(
 ) -> None:
     """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
-    The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
+    The engine's studies are clouds, dense, evaluation and scaling (speed), few-views, references,
     subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
     transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
-    are season, trials, field-check, plant-figures, plant-counts, score-prediction, next-visit and report-size; paper's
+    are season, trials, field-check, plant-figures, plant-counts, score-prediction and next-visit; paper's
     are tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded
     image sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
 

@@ -12,7 +12,6 @@ from benchmarks.field_check import run_field_check
 from benchmarks.next_visit import run_next_visit
 from benchmarks.plant_counts import run_plant_counts
 from benchmarks.plant_figures import run_plant_figures
-from benchmarks.report_size import study as run_report_size
 from benchmarks.result import StudyResult
 from benchmarks.score_prediction import run_score_prediction
 from benchmarks.season import PLOTS, run_season
@@ -105,10 +104,6 @@ def _trials(options: CampaignOptions, progress: Progress) -> StudyResult:
         return run_trials(options.scenes, work=folder, workers=options.workers, cache=options.cache, progress=progress)
 
 
-def _report_size(options: CampaignOptions, progress: Progress) -> StudyResult:
-    return run_report_size(seed=options.seed, progress=progress)
-
-
 STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "season": _season,
     "trials": _trials,
@@ -117,9 +112,8 @@ STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "plant-counts": _plant_counts,
     "score-prediction": _score_prediction,
     "next-visit": _next_visit,
-    "report-size": _report_size,
 }
-DEFAULT = ("season", "field-check", "report-size")
+DEFAULT = ("season", "field-check")
 
 
 def run_campaign(

@@ -50,12 +50,6 @@ def _clouds(_: EngineOptions, progress: Progress) -> StudyResult:
     return run_clouds(progress=progress)
 
 
-def _help(_: EngineOptions, progress: Progress) -> StudyResult:
-    from benchmarks.startup import run_startup
-
-    return run_startup(progress=progress)
-
-
 def _scaling(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from benchmarks.scaling import run_scaling
 
@@ -99,12 +93,6 @@ def _subset_scores(data: Path, options: EngineOptions, progress: Progress) -> St
     return run_subset_scores(data, cache=options.cache, progress=progress)
 
 
-def _mappings(data: Path, _: EngineOptions, progress: Progress) -> StudyResult:
-    from benchmarks.mappings import run_mappings
-
-    return run_mappings(data, progress=progress)
-
-
 def _match_decay(options: EngineOptions, progress: Progress) -> StudyResult:
     from benchmarks.match_decay import run_match_decay
 
@@ -126,7 +114,6 @@ def _on_data(name: str, title: str, run: Callable[[Path, EngineOptions, Progress
 
 
 STUDIES: dict[str, Run] = {
-    "help": _help,
     "clouds": _clouds,
     "dense": _dense,
     "evaluation": _evaluation,
@@ -135,12 +122,11 @@ STUDIES: dict[str, Run] = {
     "weak-ties": _on_data("weak-ties", "Few views that are weakly tied", _weak_ties),
     "known-poses": _on_data("known-poses", "How well poses are known", _known_poses),
     "learned-ties": _on_data("learned-ties", "Learned matches where ties are weak", _learned_ties),
-    "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
     "references": _on_data("references", "References of the recorded sets", _references),
     "match-decay": _match_decay,
     "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
 }
-SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
+SPEED = ("clouds", "dense", "evaluation", "scaling")
 """The studies of speed, run by default; the others are about quality."""
 
 

@@ -1,7 +1,6 @@
 """The other studies on tiny inputs: their structure and that their measures are right; never how long they take."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
 from benchmarks.cloud_scores import leaves
 from benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from benchmarks.engine import SPEED, STUDIES
-from benchmarks.mappings import run_mappings
 from benchmarks.missions import STUDIES as MISSION_STUDIES
 from benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
 from benchmarks.paper import STUDIES as PAPER_STUDIES
@@ -20,7 +18,6 @@ from benchmarks.references import recall_of
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
-from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
 
 
@@ -39,18 +36,6 @@ def test_dense_measures_both_methods() -> None:
         assert run.points > 0
     assert runs[0].f_score[0.010] > 0.95
     assert [row[0] for row in dense_table(runs).rows] == ["plane", "plane"]
-
-
-@pytest.mark.slow
-def test_ways_to_map(tmp_path: Path) -> None:
-    small = Path(__file__).parents[1] / "data" / "small_plot"
-    (tmp_path / "plot").mkdir()
-    (tmp_path / "plot" / "images").symlink_to(small)
-    runs = run_mappings(tmp_path, ["plot"], progress=Silent()).figures["runs"]
-    assert [run["method"] for run in runs] == ["incremental", "global", "prior"]
-    assert runs[0]["matching_s"] == runs[1]["matching_s"] > 0
-    assert runs[2]["registered"] == runs[2]["right"] == runs[2]["images"] == 8
-    assert runs[2]["mapping_s"] > 0
 
 
 class TestReferences:
