@@ -78,12 +78,14 @@ _BESIDE_M = 0.3
 """Width of what is reconstructed about a plot's outline: leaves hang over it, metres."""
 _BELOW_M = 0.1
 """Depth of a plot's volume below the ground, metres."""
-_ABOVE_M = 0.3
+_ABOVE_M = 0.4
 """Least room above the highest sparse points, metres: few lie on the tips of leaves."""
-_ABOVE = 0.15
+_ABOVE = 0.25
 """The same as a share of their height."""
-_HIGHEST = 0.995
-"""Quantile of the sparse points' heights which is the plants' and not that of points amiss."""
+_STANDING_M = 0.1
+"""Height from which points are plants', metres: soil has most of them."""
+_HIGHEST = 0.98
+"""Quantile of the plants' points' heights which is theirs and not that of points amiss."""
 _LEAST_POINTS = 20
 """Number of sparse points above a plot that tell its plants' height; else all of the flight do."""
 _WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
@@ -341,14 +343,15 @@ def row_outlines(corners: Outline, plot: SitePlot, heading_deg: float) -> tuple[
 
 def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> Volume:
     """The volume of a plot of a flight: its outline's box and what hangs over it, from below the ground to above the
-    highest of the sparse points (n, 3) there.
+    highest plants that the sparse points (n, 3) show there.
     """
     low, high = np.min(corners, axis=0) - _BESIDE_M, np.max(corners, axis=0) + _BESIDE_M
-    inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
-    own = points[inside] if inside.sum() >= _LEAST_POINTS else points
-    feet = own[:, 2] if ground is None else ground.above(np.array(corners))[:, 2]
-    heights = own[:, 2] - feet.min() if ground is None else ground.heights(own)
-    above = max(0.0, float(np.quantile(heights, _HIGHEST)))
+    feet = np.quantile(points[:, 2:], 0.0, axis=0) if ground is None else ground.above(np.array(corners))[:, 2]
+    heights = points[:, 2] - feet.min() if ground is None else ground.heights(points)
+    standing = heights > _STANDING_M
+    own = standing & ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
+    plants = own if own.sum() >= _LEAST_POINTS else standing
+    above = float(np.quantile(heights[plants], _HIGHEST)) if plants.any() else 0.0
     top = float(feet.max()) + above + max(_ABOVE_M, _ABOVE * above)
     return Volume((*low.tolist(), float(feet.min()) - _BELOW_M), (*high.tolist(), top))
 

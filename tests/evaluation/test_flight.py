@@ -88,7 +88,7 @@ class TestVolume:
         volume = plot_volume(CORNERS, np.concatenate([self.points(1.2), beyond]), self.GROUND)
         np.testing.assert_allclose((volume.lower[:2], volume.upper[:2]), ((0.7, -0.3), (3.3, 1.8)))
         assert volume.lower[2] < 0.03 - 0.05
-        assert 1.2 + 0.09 < volume.upper[2] < 1.2 + 0.09 + 0.4
+        assert 1.2 + 0.09 < volume.upper[2] < 1.2 + 0.09 + 0.4  # the plot's, not the field's
 
     def test_where_no_point_tells_the_height_it_is_that_of_the_field(self) -> None:
         beyond = self.points(2.0) + np.array([50.0, 0.0, 1.5])
