@@ -17,7 +17,6 @@ from fieldkit.evaluation.rasters import (
     HeightRaster,
     HeightRasters,
     Rasters,
-    coarse_place,
     draw,
     require_rasters,
     write_heights,
@@ -64,8 +63,6 @@ def write_field(
     if not grounds:
         context.progress.note("no rasters: no plot's ground is known")
         return
-    if coarse := coarse_place(sparse.frame):
-        context.progress.note(coarse)
     level = float(np.median([plane.above(np.array(outlines[name]))[0, 2] for name, plane in grounds.items()]))
     projection, shown = Projection(sparse.frame), [result.name for result in results if result.images > 1]
     plots = {name: projection.shape(shapely.Polygon(outlines[name]), level) for name in shown}
