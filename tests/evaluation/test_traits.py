@@ -80,7 +80,7 @@ class TestValues:
         told = traits(replace(result, scatter_px=scatter_px))
         assert told.height_error_m == pytest.approx(height * HEIGHT_ERROR_M, rel=0.02)
         assert told.height_error_below_m == told.height_error_m
-        assert told.height_p95_error_m == pytest.approx(area * HEIGHT_ERROR_M, rel=0.02)
+        assert told.height_p95_error_m == pytest.approx(area * 0.035, rel=0.02)
         assert told.covered_area_error_m2 == pytest.approx(area * AREA_ERROR * told.covered_area_m2, rel=0.02)
 
     @pytest.mark.parametrize("filled", [False, True])
