@@ -225,12 +225,6 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
         return any((folder / name).is_file() for name in _RESULTS) or folder.resolve() == own
 
     found = find_photographs(captures, skip=skip, progress=progress)
-    if not found.photos:
-        raise CaptureError(
-            "there are no usable photographs in this folder, nor below it",
-            path=captures,
-            remedy="Give the folder that holds the photographs of one or more plots.",
-        )
     outer = _outer(campaign.folder, captures)
     shots = [PhotoToSort(each.place, each.photo, (*outer, *each.folders)) for each in found.photos]
     sorting = sort_photographs(shots, campaign.plots, campaign.plan)

@@ -91,6 +91,12 @@ def find_photographs(
                 own = (*(f for f in contents.findings if f.subject == candidate.name), *odd)
                 found.append(FoundPhoto(photo, place, contents.sidecars, own))
             advance(1)
+    if not found:
+        raise CaptureError(
+            "there are no usable photographs in this folder, nor below it",
+            path=root,
+            remedy="Give the folder that holds the photographs.",
+        )
     found.sort(key=lambda each: natural_key(each.place))
     once, duplicates = distinct([replace(each.photo, name=each.place) for each in found])
     left = {photo.name for photo in once}

@@ -243,12 +243,6 @@ def _read(folder: Path, settings: ReconstructionSettings, context: Context) -> C
         return any((place / name).is_file() for name in (EVALUATION_FILE, REFERENCE_FILE))
 
     found = find_photographs(folder, skip=skip, progress=context.progress)
-    if not found.photos:
-        raise CaptureError(
-            "there are no usable photographs in this folder, nor below it",
-            path=folder,
-            remedy="Give the folder that holds the photographs of the flight.",
-        )
     dates = sorted({taken.date().isoformat() for each in found.photos if (taken := each.photo.local_time) is not None})
     if len(dates) > 1:
         raise CaptureError(
@@ -299,12 +293,7 @@ def _check_plots(path: Path, plots: Sequence[DrawnPlot], capture: Capture) -> No
 
 
 def _placed(capture: Capture, settings: ReconstructionSettings, context: Context) -> SparseResult:
-    findings = list(capture.findings)
-    try:
-        sparse, _ = place_photographs(capture, settings, findings, context)
-    except FieldkitError as error:
-        error.findings = tuple(findings)
-        raise
+    sparse, _ = place_photographs(capture, settings, context)
     if sparse.frame.origin is None:
         raise ReconstructionError(
             "the model contradicts the photographs' GPS, so it has no place among the plots",
@@ -337,7 +326,7 @@ def row_outlines(corners: Outline, plot: SitePlot, heading_deg: float) -> tuple[
     along = shapely.affinity.rotate(whole, -turn, origin=(0.0, 0.0))
     left, low, right, high = along.bounds
     parts = (shapely.box(left, a, right, b) for a, b in pairwise(np.linspace(low, high, rows + 1)))
-    turned = (shapely.affinity.rotate(part.intersection(along), turn, origin=(0.0, 0.0)) for part in parts)
+    turned = (shapely.affinity.rotate(part.intersection(along).convex_hull, turn, origin=(0.0, 0.0)) for part in parts)
     return tuple(tuple((float(x), float(y)) for x, y in part.exterior.coords[:-1]) for part in turned)
 
 

@@ -127,26 +127,25 @@ def reconstruct(
     Raises:
         FieldkitError: it does not reconstruct; with the findings up to then.
     """
-    findings = list(capture.findings)
+    sparse, times = place_photographs(capture, settings, context, known_plot)
     try:
-        return _reconstructed(capture, settings, findings, context, known_plot, reach_m)
+        return _reconstructed(sparse, times, settings, context, known_plot, reach_m)
     except FieldkitError as error:
-        error.findings = tuple(findings)
+        error.findings = sparse.findings
         raise
 
 
 def _reconstructed(
-    capture: Capture,
+    sparse: SparseResult,
+    times: Sequence[StageTime],
     settings: ReconstructionSettings,
-    findings: list[Finding],
     context: Context,
     known_plot: KnownPlot | None,
     reach_m: float,
 ) -> Reconstruction:
-    """See `reconstruct`; ``findings`` grow."""
-    sparse, times = place_photographs(capture, settings, findings, context, known_plot)
+    """See `reconstruct`."""
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
-    if volume is None and any(prior.exact for prior in capture.priors.values()):
+    if volume is None and any(prior.exact for prior in sparse.capture.priors.values()):
         volume = hull_volume(sparse, settings.mask)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     return reconstruct_placed(
@@ -162,24 +161,25 @@ def _reconstructed(
 
 
 def place_photographs(
-    capture: Capture,
-    settings: ReconstructionSettings,
-    findings: list[Finding],
-    context: Context,
-    known_plot: KnownPlot | None = None,
+    capture: Capture, settings: ReconstructionSettings, context: Context, known_plot: KnownPlot | None = None
 ) -> tuple[SparseResult, tuple[StageTime, ...]]:
     """Look at a capture's photographs and `place` them: enough for dense stereo; also what that took.
 
-    To ``findings`` those about the photographs and of mapping are added.
+    Raises:
+        FieldkitError: they cannot be; with the findings up to then.
     """
-    timer = StageTimer(context.progress)
-    if settings.mask == "file":
-        _require_masks(capture)
-    with timer.stage("Sharpness and exposure", len(capture.photos)) as advance:
-        findings += quality_findings(judge_pictures(capture, load_pictures(capture.photos, context, advance)))
-    sparse, cached = place(capture, settings, findings, replace(context, progress=timer), known_plot)
-    if sparse.right < _MIN_DENSE_VIEWS:
-        raise _too_few(sparse)
+    timer, findings = StageTimer(context.progress), list(capture.findings)
+    try:
+        if settings.mask == "file":
+            _require_masks(capture)
+        with timer.stage("Sharpness and exposure", len(capture.photos)) as advance:
+            findings += quality_findings(judge_pictures(capture, load_pictures(capture.photos, context, advance)))
+        sparse, cached = place(capture, settings, findings, replace(context, progress=timer), known_plot)
+        if sparse.right < _MIN_DENSE_VIEWS:
+            raise _too_few(sparse)
+    except FieldkitError as error:
+        error.findings = tuple(findings)
+        raise
     return sparse, timer.times(cached)
 
 
