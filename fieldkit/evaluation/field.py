@@ -68,7 +68,7 @@ def write_field(
     plots = {name: projection.shape(shapely.Polygon(outlines[name]), level) for name in shown}
     area = shapely.union_all([*plots.values()]).convex_hull.buffer(ROOM_M)
     pixels = [result.dense.pixel_m or 0.0 for result in results if result.dense is not None]
-    cell_m = wanted.cell_m or round(max(LEAST_SAMPLING_M, *pixels), 3)
+    cell_m = wanted.cell_m or round(max([LEAST_SAMPLING_M, *pixels]), 3)
     cell_m = max(cell_m, round(math.sqrt(area.envelope.area / _MOST_CELLS), 3))
     grid = Grid.about(shapely.get_coordinates(area), cell_m, projection.epsg, SEAM_PX)
     traits = {result.name: result.traits for result in results if result.traits is not None}
