@@ -25,7 +25,7 @@ from fieldkit.clouds.canopy import (
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.leaf_area import leaf_area_m2
+from fieldkit.clouds.leaf_area import leaf_area_m2, shown_share
 from fieldkit.clouds.plants_apart import LEAST_PLANTS, everywhere, find_rows, tell_apart
 from fieldkit.reconstruction import silhouettes
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
@@ -172,7 +172,8 @@ def plot_traits(
     frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
     area_error = float(np.hypot(of_pixel * of_sway * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
-    lai_error = float(np.hypot(of_pixel * LAI_ERROR, 2.0 * NINE_IN_TEN * doubt))
+    hidden = 1.0 - shown_share(lai or 0.0, found.sparse.right)
+    lai_error = float(np.linalg.norm((of_pixel * LAI_ERROR, hidden, 2.0 * NINE_IN_TEN * doubt)))
     volume_error = float(np.hypot(of_pixel * of_sway * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, frame_m))),
@@ -200,7 +201,8 @@ def plot_traits(
         most = MOST_LAI_ERROR if trait == "lai" else 1.0  # of shares of what is there no lower limit is left
         if not trait.startswith("height") and value and error >= most * value:
             share = f"its error would be {100 * error / value:.0f} % of it"
-            unknown.setdefault(trait, f"{share}, since leaves swayed or pixels are coarse")
+            why = "hide one another" if trait == "lai" else "swayed"
+            unknown.setdefault(trait, f"{share}, since leaves {why} or pixels are coarse")
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
     if "height_m" in known:  # clouds of swaying leaves lack tips and add none; all else errs both ways

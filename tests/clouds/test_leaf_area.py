@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from fieldkit.arrays import FloatArray
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.canopy import canopy
-from fieldkit.clouds.leaf_area import leaf_area_m2
+from fieldkit.clouds.leaf_area import leaf_area_m2, shown_share
 
 PIXEL_M = 0.003
 
@@ -44,3 +44,10 @@ def test_a_seam_of_few_points_adds_little() -> None:
     seam = leaves[::8] + rng.normal(0.0, 0.01, leaves[::8].shape)
     alone, with_seam = (area_m2(points) for points in (leaves, np.concatenate([leaves, seam])))
     assert with_seam == pytest.approx(alone, rel=0.15)
+
+
+@pytest.mark.parametrize(("lai", "photographs", "share"), [(1.98, 12, 0.88), (3.48, 12, 0.57), (3.95, 64, 0.91)])
+def test_hidden_leaves_as_rendered_depths_show_them(lai: float, photographs: int, share: float) -> None:
+    """Of simulated blocks at V10 and R1: leaf area that three of so many photographs show."""
+    assert shown_share(lai, photographs) == pytest.approx(share, abs=0.06)
+    assert shown_share(0.0, photographs) == 1.0
