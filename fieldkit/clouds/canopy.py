@@ -41,6 +41,12 @@ LEAF_M2 = 0.0010
 """Least surface of a leaf whose highest point counts, square metres."""
 _GAP_PIXELS = 2.0
 """Distance between points of one leaf, in pixels."""
+_LAYER_M = 0.05
+"""Thickness of the layers in which points that float are told, metres."""
+_EMPTY_M = 0.25
+"""Height without points above which what there is floats, metres."""
+_FLOATING = 3e-5
+"""Share of the points that a layer holds at most that counts as empty."""
 _ROOM_SHARE = 0.10
 """Height above the highest leaf that pictures have to show, as a share of its own."""
 _LEAST_ROOM_M = 0.06
@@ -184,6 +190,19 @@ def highest_leaf_m(points: FloatArray, heights: FloatArray, pixel_m: float, sway
     surface = piece_surface_m2(points[upper], _GAP_PIXELS * max(pixel_m, _GAP_SWAYED * swayed_m))
     leaf = surface >= min(LEAF_M2, float(surface.max()))
     return float(heights[upper][leaf].max())
+
+
+def floats_from_m(heights: FloatArray) -> float:
+    """Height above which points (n,) float: over an empty layer of `_EMPTY_M` no leaf reaches down to the canopy.
+
+    A layer counts as empty that holds fewer than `_FLOATING` of all points.
+    """
+    layers = np.floor(heights / _LAYER_M).astype(np.int64)
+    counts = np.bincount(np.maximum(layers, 0))
+    filled = np.flatnonzero(counts >= max(1.0, _FLOATING * len(heights)))
+    above = filled[filled >= np.argmax(counts)]
+    ends = above[np.append(np.diff(above) * _LAYER_M > _EMPTY_M, True)]
+    return float(ends[0] + 1) * _LAYER_M
 
 
 def outline_area_m2(outline: Outline) -> float:

@@ -231,7 +231,7 @@ def _evaluated(
         names = [CLOUD_FILE]
         rows: tuple[RowEntry, ...] = ()
         if given.placed is not None:
-            parts = (PlotOutline(row) for row in given.placed.rows)
+            parts = (PlotOutline(row, of_flight=True) for row in given.placed.rows)
             own = plants.measured()
             rows = tuple(RowEntry(row=k, traits=plot_traits(found, own, part)[0]) for k, part in enumerate(parts, 1))
             names += _write_beside(folder / place, found, outline.corners, progress)

@@ -454,7 +454,7 @@ def _plot(job: _Job, context: Context) -> PlotEvaluation:
     plot = PlotCapture(
         sparse.capture,
         Scoring(None, None, refine=False, distances_m=()),
-        outline=PlotOutline(job.corners),
+        outline=PlotOutline(job.corners, of_flight=True),
         placed=job.placed,
     )
     read, photographs = (lambda: plot), len(sparse.poses)

@@ -17,6 +17,7 @@ from fieldkit.clouds.canopy import (
     Canopy,
     Outline,
     canopy,
+    floats_from_m,
     highest_leaf_m,
     inside_outline,
     outline_area_m2,
@@ -62,18 +63,27 @@ SCATTER_OF_HEIGHT_M = 0.002
 SCATTER_OF_TIPS_M = 0.005
 """Sway from which errors of heights that outlines show grow with it, metres."""
 _PIXEL_OF_TIPS_M = 0.0012
-"""Pixel of the depth maps from which errors of heights grow with it where no outlines show tips, metres: of a block at
+"""Pixel of the depth maps from which errors of heights grow with it in flights, metres: of a block at
 V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the highest leaf."""
 SCATTER_OF_AREA_M = 0.005
 """Sway from which errors of areas, volumes and quantiles of height grow with it, metres."""
 _SCATTER_OF_FLIGHTS_M = 0.010
-"""The same without outlines, in photographs that overlap closely."""
+"""The same of flights, whose photographs overlap closely."""
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
-_SEAM_DOUBLED = 0.55
-"""What a metre of sway adds to the seam where photographs overlap closely, metres; up to 10 mm of sway, of which it was
-fitted, on a block at V10."""
+_SEAM_OF_FLIGHTS_M = 0.0102
+"""Width of the seam about still leaves where photographs of a flight overlap closely, metres: they add up what each has
+beyond a leaf's edge. Fitted with the next one on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
+_SEAM_SWAYED_OF_FLIGHTS = 0.155
+"""What a metre of sway takes off it, metres."""
+_MOST_SWAY_M = 0.020
+"""Largest sway that it was fitted with, metres."""
+_NARROW_CELLS = 1.5
+"""Widest seam, in cells, that quantiles of height have in flights: a wider one takes tops off leaves."""
+_TALLEST_M = 1.8
+"""Height (99th percentile) of plants from which a flight's clouds lack leaves of lower layers and have false points
+above, metres: at R1, 2.5 m high, a quarter of the cover. At V10, 1.4 m high, they have all."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -99,6 +109,7 @@ _QUANTILES: Mapping[Trait, float] = {"height_p95_m": 0.95, "height_p99_m": 0.99}
 """Shares of the canopy's upper surface that lie below a height."""
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", *_QUANTILES, "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = tuple(trait for trait in TRAITS if trait != "height_m")
+_OF_FORM: tuple[Trait, ...] = ("height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3", "lai")
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
     PLOTS_TOGETHER: TRAITS,
@@ -119,6 +130,8 @@ class PlotOutline:
     """Plot frame, metres; None where it is not known."""
     reason: str = NO_OUTLINE
     """Why it is not known."""
+    of_flight: bool = False
+    """Whether its photographs are of a flight over many plots: they overlap closely, and show neighbours, too."""
 
 
 def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | None = None) -> PlotOutline:
@@ -147,39 +160,47 @@ def plot_traits(
     """
     corners = outline.corners
     own = plants if corners is None else plants.select(inside_outline(plants.points, corners))
+    ground = found.sparse.frame.ground
+    if outline.of_flight and ground is not None and len(own):
+        own = own.select(ground.heights(own.points) <= floats_from_m(ground.heights(own.points)))
     points = own.points
     area = None if corners is None else outline_area_m2(corners)
     unknown = _unknown(found, points, outline)
-    ground = found.sparse.frame.ground
     if ground is None or len(unknown) == len(TRAITS):
         return TraitsEntry(plot_area_m2=area, unknown=unknown), ()
     # By how much depths of leaves scatter beyond those of still ones.
     swayed_m = found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
     doubt = scale_doubt(found.sparse)
     heights, sways = ground.heights(points), (found.pixel_m, swayed_m)
-    cells = sways[0], swayed_m if shown else 0.0, _seam(found, shown, swayed_m)
+    flight = outline.of_flight
+    seam = _seam_of_flight(found, swayed_m) if flight else _seam(found, shown, swayed_m)
+    cells = sways[0], 0.0 if flight else swayed_m, seam
     seen = canopy(points, heights, *cells)
     seen = seen if corners is None else seen.within(corners)
+    narrow = seen
+    if flight and seam > _NARROW_CELLS:
+        narrow = canopy(points, heights, *cells[:2], _NARROW_CELLS)
+        narrow = narrow if corners is None else narrow.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, *sways), seen.covered_m2, seen.volume_m3
     shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
-    of_height = of_height if shown else max(of_height, found.pixel_m / _PIXEL_OF_TIPS_M)
+    of_height = max(of_height, found.pixel_m / _PIXEL_OF_TIPS_M) if flight else of_height
     of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
-    of_sway = max(1.0, swayed_m / (SCATTER_OF_AREA_M if shown else _SCATTER_OF_FLIGHTS_M))
+    of_sway = max(1.0, swayed_m / (_SCATTER_OF_FLIGHTS_M if flight else SCATTER_OF_AREA_M))
     ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
     frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
     area_error = float(np.hypot(of_pixel * of_sway * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
     hidden = 1.0 - shown_share(lai or 0.0, found.sparse.right)
-    lai_error = float(np.linalg.norm((of_pixel * LAI_ERROR, hidden, 2.0 * NINE_IN_TEN * doubt)))
+    lai_error = float(np.linalg.norm((of_pixel * of_sway * LAI_ERROR, hidden, 2.0 * NINE_IN_TEN * doubt)))
     volume_error = float(np.hypot(of_pixel * of_sway * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, frame_m))),
         **{
             trait: (max(0.0, float(top)), float(np.hypot(of_sway * _QUANTILE_ERROR_M, frame_m)))
-            for trait, top in zip(_QUANTILES, seen.heights_m(*_QUANTILES.values()), strict=True)
+            for trait, top in zip(_QUANTILES, narrow.heights_m(*_QUANTILES.values()), strict=True)
         },
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
@@ -187,6 +208,11 @@ def plot_traits(
         "canopy_volume_m3": (volume, float(np.hypot(volume_error * volume, ground_m * covered))),
         "lai": (lai, lai_error * (lai or 0.0)),
     }
+    if flight and values["height_p99_m"][0] > _TALLEST_M:  # type: ignore[operator]
+        tall = (
+            f"the plants are higher than {_TALLEST_M:g} m: from above leaves are missed, and false ones float over them"
+        )
+        unknown = dict.fromkeys(_OF_FORM, tall) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:
@@ -201,12 +227,12 @@ def plot_traits(
         most = MOST_LAI_ERROR if trait == "lai" else 1.0  # of shares of what is there no lower limit is left
         if not trait.startswith("height") and value and error >= most * value:
             share = f"its error would be {100 * error / value:.0f} % of it"
-            why = "hide one another" if trait == "lai" else "swayed"
-            unknown.setdefault(trait, f"{share}, since leaves {why} or pixels are coarse")
+            leaves = "hide one another, swayed" if trait == "lai" else "swayed"
+            unknown.setdefault(trait, f"{share}, since leaves {leaves} or pixels are coarse")
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
     if "height_m" in known:  # clouds of swaying leaves lack tips and add none; all else errs both ways
-        below = 1.0 if shown and shown_m is None else of_height
+        below = 1.0 if shown_m is None and not flight else of_height
         known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, frame_m))
         known["height_error_m"] = max(known["height_error_m"], (maybe_m or 0.0) - height)
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
@@ -214,15 +240,18 @@ def plot_traits(
 
 def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m: float) -> float:
     """Width of the seam about leaves, in cells: of swaying ones, more where the cloud fills their outlines, up to that
-    of still ones. Without outlines photographs overlap closely, so that edges that sway are not lost, but doubled.
+    of still ones.
     """
     swaying, still = seam_cells(found.pixel_m, swayed_m), seam_cells(found.pixel_m)
-    if not shown:
-        return still + _SEAM_DOUBLED * min(swayed_m, _SCATTER_OF_FLIGHTS_M) / found.pixel_m
-    if swaying == still:
+    if swaying == still or not shown:
         return swaying
     filling = silhouettes.filling_seam(shown, found.plants.measured().points, found.pixel_m)
     return min(still, swaying + _OF_FILLING * max(0.0, filling - swaying))
+
+
+def _seam_of_flight(found: Reconstruction, swayed_m: float) -> float:
+    """The same of photographs that overlap closely: the cloud has all that any of them shows."""
+    return (_SEAM_OF_FLIGHTS_M - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M)) / found.pixel_m
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:

@@ -78,6 +78,8 @@ _COUNTED = 10
 _COUNTED_PX = 800
 """Their longer side, pixels."""
 _SHOWN_BY_MASKS = 1.0 / 3.0  # of the pixels, supposed before masks are there
+_NOT_AMISS = 0.999
+"""Quantile of heights above which points may float."""
 _BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
 _MASKS: Mapping[Mask, str] = {
     "exg": "; for plants that are not green use --mask none or file.",
@@ -451,7 +453,8 @@ class _Dense:
 
     def pixel_of(self, plants: Cloud, ground: Plane) -> float:
         """The same about the plants that were found, whatever the volume."""
-        standing = plants.points[ground.heights(plants.points) > STANDING_M]
+        heights = ground.heights(plants.points)
+        standing = plants.points[(heights > STANDING_M) & (heights <= np.quantile(heights, _NOT_AMISS))]
         about = Volume.around(standing if len(standing) else plants.points, margin_m=STANDING_M)
         sparse = self.sparse
         widths = {name: size.size[0] for name, size in self.sizes.items()}

@@ -9,6 +9,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.clouds.canopy import (
     Canopy,
     canopy,
+    floats_from_m,
     highest_leaf_m,
     rectangle,
     seam_cells,
@@ -109,3 +110,11 @@ class TestHeight:
         leaf = np.random.default_rng(0).uniform((0.3, 0.3, 0.7), (0.4, 0.34, 0.7005), (4000, 3))
         points = np.concatenate([box(0.1, 0.1, 0.5), leaf])
         assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.7, abs=0.001)
+
+
+def test_what_floats_over_an_empty_layer_is_no_canopy() -> None:
+    rng = np.random.default_rng(2)
+    canopy_m, tip_m = rng.uniform(0.2, 1.4, 50_000), rng.uniform(1.4, 1.62, 300)
+    clumps = np.concatenate([rng.uniform(2.1, 2.15, 40), rng.uniform(4.9, 5.1, 30)])
+    assert floats_from_m(np.concatenate([canopy_m, tip_m, clumps])) == pytest.approx(1.65, abs=0.04)
+    assert floats_from_m(np.concatenate([canopy_m, tip_m])) >= tip_m.max()
