@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.description import SceneDescription, build
+from fieldkit.scenes.description import build
 from fieldkit.scenes.plot_description import TrialDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
@@ -56,7 +56,7 @@ class Flight:
 
     def centers(self) -> dict[str, np.ndarray]:
         """True camera centres by photograph: metres east, north and up of the scene's origin."""
-        document = json.loads((self.folder / POSES_FILE).read_text())
+        document = json.loads((self.folder / POSES_FILE).read_text("utf-8"))
         return {name: np.array(center) for name, center in document.items()}
 
 
@@ -78,12 +78,12 @@ def fly(
     flight = Flight(folder)
     if (folder / POSES_FILE).is_file():
         return flight
-    scene: SceneDescription = new_trial(trial)
+    scene = new_trial(trial)
     write_trial(folder, scene, overwrite=True, progress=progress)
     reach_m = (0.5 * trial.size_m[0], 0.5 * trial.size_m[1])
     poses = [pose for some in passes for pose in some.poses((-reach_m[0], -reach_m[1]), reach_m, CAMERA)]
     noise = CaptureNoise(_POSITION_M, _ANGLE_DEG, gnss_m, 1.5 * gnss_m, _ANGLE_DEG)
-    site = scene.site.__class__(scene.site.origin, gnss_m < 0.1, (gnss_m, 1.5 * gnss_m))
+    site = replace(scene.site, rtk=gnss_m < 0.1, accuracy_m=(gnss_m, 1.5 * gnss_m))
     with Renderer(build(scene)) as renderer:
         true = simulate_capture(
             flight.photographs,
@@ -102,5 +102,6 @@ def fly(
             progress=progress,
         )
     names = sorted(path.name for path in flight.photographs.glob("*.jpg"))
-    (folder / POSES_FILE).write_text(json.dumps(dict(zip(names, [p.center.tolist() for p in true], strict=True))))
+    centers = dict(zip(names, [pose.center.tolist() for pose in true], strict=True))
+    (folder / POSES_FILE).write_text(json.dumps(centers), "utf-8")
     return flight

@@ -122,20 +122,20 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
     for plot in report.plots:
         images |= {image.name: (image, plot) for image in plot.image_reports}
     off_m = _errors_m(flight, images)
-    with (flight.folder / TRUTH_FILE).open() as file:
+    with (flight.folder / TRUTH_FILE).open(encoding="utf-8") as file:
         truth = {row["plot"]: row for row in csv.DictReader(file)}
     rmse, had, within = {}, {}, {}
     for trait, column in _TRAITS.items():
         errors, held = [], 0
         for plot in report.plots:
-            value = None if plot.traits is None else getattr(plot.traits, trait)
+            value = getattr(plot.traits, trait, None)
             if value is None or plot.traits is None:
                 continue
             true = float(truth[plot.name][column])
             above = getattr(plot.traits, error_column(trait))  # type: ignore[arg-type]
-            below = getattr(plot.traits, error_column(trait, "error_below"), None) or above  # type: ignore[arg-type]
+            below = plot.traits.height_error_below_m if trait == "height_m" else above
             errors.append((value - true) / (true if trait in _RELATIVE else 1.0))
-            held += bool(value - below <= true <= value + above)
+            held += value - below <= true <= value + above
         rmse[trait] = float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan")
         had[trait], within[trait] = len(errors), held
     own_s = [sum(time.cpu_s for time in plot.times) for plot in report.plots]

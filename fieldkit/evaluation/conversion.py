@@ -93,12 +93,13 @@ def plot_evaluation(
         shown: the plants' outlines in the photographs.
     """
     found = _described(reconstruction, settings, spent, outline or outline_of(settings), shown, plants, findings)
+    fitted = score is None and not (outline is not None and outline.of_flight)  # on single plots without a reference
     return PlotEvaluation(
         name=name,
         unregistered=_reasons(found.image_reports),
         **_scores(score),
         correction=correction,
-        prediction=None if score is not None else predict(reconstruction_features(reconstruction, found)),
+        prediction=predict(reconstruction_features(reconstruction, found)) if fitted else None,
         **dict(found),
     )
 

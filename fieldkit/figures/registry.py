@@ -66,7 +66,8 @@ class Figure:
     def column(self) -> Column:
         """Of a table."""
         short = self.short or self.label
-        return Column(self.title, True, short=f"{short}, {self.unit}" if self.unit else short)
+        detail = self.group == "trait" and not self.trend
+        return Column(self.title, True, short=f"{short}, {self.unit}" if self.unit else short, detail=detail)
 
     def shown(self, plot: Scored) -> float | None:
         """The value in its unit."""
