@@ -109,6 +109,10 @@ SOIL_SHARE = 0.5
 """Share of a photograph's features that are of its soil, as long as there are so many: leaves repeat and sway, and
 their edges are stronger, so that without a share of its own soil has none. In a canopy at V10 the information of a pair
 (`mapping.uncertainty`) goes from 8 to 2000 / px² with it, and from 0 to 460 between directions 41° apart."""
+_WEAKER = 0.5
+"""Factor of the contrast from which features may be soil's where there are more than enough."""
+_OCTAVE_LAYERS = 3
+"""OpenCV's `nOctaveLayers`: it compares the contrast times so many with its threshold."""
 _OFF_PLANTS = 1.0
 """Distance of a feature of the soil from the nearest plant, in diameters of the feature: edges of leaves against soil
 are strong and of no place."""
@@ -150,11 +154,14 @@ def detect(
     sx, sy = enlarged
     gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     sift = cv2.SIFT_create(  # type: ignore[attr-defined]
-        contrastThreshold=settings.contrast_threshold,
+        contrastThreshold=_WEAKER * settings.contrast_threshold,
         edgeThreshold=settings.edge_threshold,
         enable_precise_upscale=False,
     )
     strongest = sorted(sift.detect(gray, None), key=lambda point: -point.response)
+    strong = sum(point.response * _OCTAVE_LAYERS >= settings.contrast_threshold for point in strongest)
+    if strong < most:  # soil in the shade of a canopy needs weaker ones, where leaves have more than enough
+        strongest = strongest[:strong]
     if image.ndim == 3 and strongest:
         away_px = cv2.distanceTransform((excess_green(image) <= EXG_THRESHOLD).astype(np.uint8), cv2.DIST_L2, 3)
         x, y = np.array([point.pt for point in strongest]).astype(int).T

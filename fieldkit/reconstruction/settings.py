@@ -23,8 +23,8 @@ class FeatureSettings:
     """Longer side the image is reduced to before detection, pixels; never enlarged."""
     max_features: int = 4096
     """The strongest are kept."""
-    contrast_threshold: float = 0.01
-    """OpenCV's `contrastThreshold`; lower finds more on dark leaves, and on soil in their shade."""
+    contrast_threshold: float = 0.02
+    """OpenCV's `contrastThreshold`; lower finds more on dark leaves."""
     edge_threshold: float = 10.0
     """OpenCV's `edgeThreshold`."""
     kept: float = 1.0

@@ -51,7 +51,7 @@ def test_a_reference_s_own_photographs_are_the_best_capture(warm: CommandLine, s
     (plot,) = done.json["plots"]
     assert plot["error"] is None
     assert [plot[key] for key in ("images", "registered", "right")] == [8, 8, 8]
-    assert plot["pose_rms_m"] == pytest.approx(built.report["pose_rms_m"], rel=1e-6)
+    assert plot["pose_rms_m"] == pytest.approx(built.report["pose_rms_m"], rel=1e-4)
     assert 0 <= plot["chamfer_m"] < 0.001
     assert plot["chamfer_m"] == pytest.approx(plot["accuracy_m"] + plot["completeness_m"])
     for key in ("f_score", "precision", "recall"):
