@@ -112,6 +112,7 @@ class TestValues:
         outline = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)), of_flight=True)
         told = traits(tall, outline)
         assert told.height_p95_m is not None
+        assert told.height_p95_error_m == pytest.approx(3 * 0.035, rel=0.02)
         assert {"height_m", "cover_percent", "canopy_volume_m3", "lai"} <= set(told.unknown)
         assert "higher than 0.1 m" in told.unknown["height_m"]
 
