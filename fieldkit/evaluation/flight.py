@@ -46,7 +46,7 @@ from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.colmap_model import model_points, track_lengths
 from fieldkit.reconstruction.dense.views import views_of
 from fieldkit.reconstruction.field_ground import FieldGround, grounds_under
-from fieldkit.reconstruction.pipeline import place_photographs
+from fieldkit.reconstruction.pipeline import WELL_SEEN, place_photographs
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.steady import steady_capture
@@ -88,7 +88,6 @@ _HIGHEST = 0.98
 """Quantile of the plants' points' heights which is theirs and not that of points amiss."""
 _LEAST_POINTS = 20
 """Number of sparse points above a plot that tell its plants' height; else all of the flight do."""
-_WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
 _FARTHEST_M = 500.0
 """Distance from all photographs at which no plot of the file can be in one of them, metres."""
 _SAME = 0.5
@@ -346,7 +345,7 @@ def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> V
 
 
 def _field_ground(sparse: SparseResult, settings: ReconstructionSettings) -> FieldGround | None:
-    points, well_seen = model_points(sparse.model), track_lengths(sparse.model) >= _WELL_SEEN
+    points, well_seen = model_points(sparse.model), track_lengths(sparse.model) >= WELL_SEEN
     return FieldGround.of(points, sparse.poses, well_seen, seed=settings.seed)
 
 
@@ -385,7 +384,7 @@ def _evaluated(
 ) -> list[PlotEvaluation]:
     """The plots in order; parallel by plots where there are workers."""
     points = model_points(sparse.model)
-    well_seen = track_lengths(sparse.model) >= _WELL_SEEN
+    well_seen = track_lengths(sparse.model) >= WELL_SEEN
     grounds = _grounds(sparse, bare, list(outlines.values()), settings)
     points = points[well_seen] if well_seen.sum() >= _LEAST_POINTS else points
     if unsure := coarse_place(sparse.frame, _UNSURE):

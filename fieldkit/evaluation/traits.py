@@ -164,7 +164,8 @@ def plot_traits(
     own = plants if corners is None else plants.select(inside_outline(plants.points, corners))
     ground = found.sparse.frame.ground
     if outline.of_flight and ground is not None and len(own):
-        own = own.select(ground.heights(own.points) <= floats_from_m(ground.heights(own.points)))
+        above = ground.heights(own.points)
+        own = own.select(above <= floats_from_m(above))
     points = own.points
     area = None if corners is None else outline_area_m2(corners)
     unknown = _unknown(found, points, outline)
@@ -177,12 +178,13 @@ def plot_traits(
     flight = outline.of_flight
     seam = _seam_of_flight(found, swayed_m) if flight else _seam(found, shown, swayed_m)
     cells = sways[0], 0.0 if flight else swayed_m, seam
-    seen = canopy(points, heights, *cells)
-    seen = seen if corners is None else seen.within(corners)
-    narrow = seen
-    if flight and seam > _NARROW_CELLS:
-        narrow = canopy(points, heights, *cells[:2], _NARROW_CELLS)
-        narrow = narrow if corners is None else narrow.within(corners)
+
+    def from_above(seam: float) -> Canopy:
+        whole = canopy(points, heights, *cells[:2], seam)
+        return whole if corners is None else whole.within(corners)
+
+    seen = from_above(seam)
+    narrow = from_above(_NARROW_CELLS) if flight and seam > _NARROW_CELLS else seen
     height, covered, volume = highest_leaf_m(points, heights, *sways), seen.covered_m2, seen.volume_m3
     shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)

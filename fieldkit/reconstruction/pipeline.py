@@ -72,7 +72,7 @@ from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
 """Least number of views for dense stereo."""
-_WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
+WELL_SEEN = 3  # photographs that have a sparse point which is hardly by chance
 _COUNTED = 10
 """Number of photographs that plants' pixels are counted in."""
 _COUNTED_PX = 800
@@ -365,7 +365,7 @@ def _frame(
         ground = known_plot.ground
         motion = Similarity.identity()
     else:
-        up, well_seen = known_up(poses, priors, metric=mapped.metric), track_lengths(mapped.model) >= _WELL_SEEN
+        up, well_seen = known_up(poses, priors, metric=mapped.metric), track_lengths(mapped.model) >= WELL_SEEN
         found = find_ground(points, poses, seed=settings.seed, up=up, well_seen=well_seen) if poses else None
         motion = Similarity.identity()
         if poses:
