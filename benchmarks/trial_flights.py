@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from fieldkit.scenes.description import build
 from fieldkit.scenes.plot_description import TrialDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
+from fieldkit.vocabulary import Stage
 from fieldkit_sim.surveys import Passes, four_directions
 from fieldkit_sim.trial.files import PLOTS_FILE, new_trial, write_trial
 
@@ -28,15 +29,42 @@ _POSITION_M, _ANGLE_DEG = 0.02, 1.0
 """By which a flight leaves its commanded poses, and by which positions and angles are reported wrong, per axis."""
 
 
-FLIGHTS: Mapping[str, tuple[Passes, ...]] = MappingProxyType(
+@dataclass(frozen=True)
+class Survey:
+    """A way of flying over a block."""
+
+    passes: tuple[Passes, ...]
+    ranges: int = 2
+    columns: int = 4
+    camera: Intrinsics = CAMERA
+    gnss_m: float = _POSITION_M
+    """Standard deviation of the positions on record; above 0.1 they are no fixed RTK solutions."""
+    wind_m: float = 0.010
+    """Sway of the leaves, metres; none has no wash either."""
+
+
+_FIVE_8 = (Passes(8.0, -90.0, 0.0, 0.8, 0.7), *four_directions(8.0, -60.0, 0.6, 0.6))
+FLIGHTS: Mapping[str, Survey] = MappingProxyType(
     {
-        "nadir-12": (Passes(12.0, -90.0, 0.0, 0.8, 0.8),),
-        "nadir-8": (Passes(8.0, -90.0, 0.0, 0.8, 0.8),),
-        "five-8": (Passes(8.0, -90.0, 0.0, 0.8, 0.7), *four_directions(8.0, -60.0, 0.6, 0.6)),
-        "oblique-5": four_directions(5.0, -55.0, 0.7, 0.6),
+        "nadir-12": Survey((Passes(12.0, -90.0, 0.0, 0.8, 0.8),)),
+        "nadir-8": Survey((Passes(8.0, -90.0, 0.0, 0.8, 0.8),)),
+        "five-8": Survey(_FIVE_8),
+        "five-8-still": Survey(_FIVE_8, wind_m=0.0),
+        "five-8-gps": Survey(_FIVE_8, gnss_m=3.0),
+        "oblique-5": Survey(four_directions(5.0, -55.0, 0.7, 0.6)),
+        "oblique-2.5": Survey(
+            (Passes(2.5, -50.0, 0.0, 0.75, 0.5), Passes(2.5, -50.0, 180.0, 0.75, 0.5)), ranges=1, columns=2
+        ),
+        "40-plots": Survey(
+            (Passes(8.0, -90.0, 0.0, 0.85, 0.8), *four_directions(8.0, -60.0, 0.77, 0.75)),
+            ranges=4,
+            columns=10,
+            camera=Intrinsics.pinhole(5472, 3648, 3650.0),
+        ),
     }
 )
-"""As people fly them: an app's nadir grids, nadir and four oblique directions, oblique passes."""
+"""As people fly them: an app's nadir grids, nadir and four oblique directions, oblique passes; the last one with the
+20 megapixels of a one-inch sensor."""
 
 
 @dataclass(frozen=True)
@@ -60,41 +88,29 @@ class Flight:
         return {name: np.array(center) for name, center in document.items()}
 
 
-def fly(
-    folder: Path,
-    trial: TrialDescription,
-    passes: Sequence[Passes],
-    *,
-    wind_m: float,
-    gnss_m: float = _POSITION_M,
-    progress: Progress,
-) -> Flight:
-    """Render a flight over a block; one that is in ``folder`` already is taken as it is.
-
-    Args:
-        wind_m: sway of the leaves; none has no wash either.
-        gnss_m: standard deviation of the positions on record; above 0.1 they are no fixed RTK solutions.
-    """
+def fly(folder: Path, seed: int, stage: Stage, survey: Survey, progress: Progress) -> Flight:
+    """Render a flight over a block; one that is in ``folder`` already is taken as it is."""
     flight = Flight(folder)
     if (folder / POSES_FILE).is_file():
         return flight
+    trial = TrialDescription(seed=seed, ranges=survey.ranges, columns=survey.columns, stage=stage)
     scene = new_trial(trial)
     write_trial(folder, scene, overwrite=True, progress=progress)
     reach_m = (0.5 * trial.size_m[0], 0.5 * trial.size_m[1])
-    poses = [pose for some in passes for pose in some.poses((-reach_m[0], -reach_m[1]), reach_m, CAMERA)]
-    noise = CaptureNoise(_POSITION_M, _ANGLE_DEG, gnss_m, 1.5 * gnss_m, _ANGLE_DEG)
-    site = replace(scene.site, rtk=gnss_m < 0.1, accuracy_m=(gnss_m, 1.5 * gnss_m))
+    poses = [pose for some in survey.passes for pose in some.poses((-reach_m[0], -reach_m[1]), reach_m, survey.camera)]
+    accuracy_m = (survey.gnss_m, 1.5 * survey.gnss_m)
+    noise = CaptureNoise(_POSITION_M, _ANGLE_DEG, *accuracy_m, _ANGLE_DEG)
     with Renderer(build(scene)) as renderer:
         true = simulate_capture(
             flight.photographs,
             renderer,
             poses,
-            CAMERA,
+            survey.camera,
             noise=noise,
-            seed=trial.seed,
+            seed=seed,
             effects=scene.camera_effects,
-            outdoors=Outdoors(wind_m, _KG if wind_m else 0.0),
-            site=site,
+            outdoors=Outdoors(survey.wind_m, _KG if survey.wind_m else 0.0),
+            site=replace(scene.site, rtk=survey.gnss_m < 0.1, accuracy_m=accuracy_m),
             row_heading_deg=scene.row_heading_deg,
             sidecars=Sidecars(camera=True),
             economy=True,

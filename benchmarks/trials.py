@@ -19,7 +19,6 @@ from fieldkit.results.traits import error_column
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.plot_description import TrialDescription
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.vocabulary import Stage
 from fieldkit_sim.trial.files import SCENE_FILE, TRUTH_FILE
@@ -30,10 +29,6 @@ TUNING_SEED = 7
 """Of the blocks that constants were chosen on."""
 BLOCKS = tuple(f"{stage}/five-8" for stage in _SEEDS)
 """What is flown where nothing else is asked for."""
-_RANGES, _COLUMNS = 2, 4
-"""Plots of a block."""
-_WIND_M = 0.010
-"""Sway of the leaves, metres."""
 _OFF_M = 0.03
 """Error of a photograph's place that has to be told, metres."""
 _TRAITS = {
@@ -49,9 +44,9 @@ _RELATIVE = ("canopy_volume_m3", "lai")
 """Traits whose errors are shares of the truth."""
 
 _NOTE = (
-    f"Blocks of {_RANGES} × {_COLUMNS} plots, {1000 * _WIND_M:.0f} mm of wind and wash, positions to 2 cm, angles to "
-    "1°. Errors are root mean squares over the plots that have the trait; of volume and LAI in percent of the truth. "
-    "Within: plots whose truth lies within the stated error."
+    "Blocks with 10 mm of wind and wash, positions to 2 cm, angles to 1°, where a flight's name says no other. Errors "
+    "are root mean squares over the plots that have the trait; of volume and LAI in percent of the truth. Within: "
+    "plots whose truth lies within the stated error."
 )
 
 
@@ -95,8 +90,7 @@ def run_trials(
         named, _, kind = block.partition("/")
         tuning, _, stage = named.rpartition("-")
         seed = TUNING_SEED if tuning else _SEEDS[stage]  # type: ignore[index]
-        trial = TrialDescription(seed=seed, ranges=_RANGES, columns=_COLUMNS, stage=stage)  # type: ignore[arg-type]
-        flight = fly(work / named / kind, trial, FLIGHTS[kind], wind_m=_WIND_M, progress=progress)
+        flight = fly(work / named / kind, seed, stage, FLIGHTS[kind], progress)  # type: ignore[arg-type]
         context = Context(cache, progress, workers=workers)
         report = evaluate_flight(
             flight.photographs, flight.plots, flight.folder / "scores", None, context, overwrite=True
