@@ -106,9 +106,9 @@ class Features:
 
 
 SOIL_SHARE = 0.5
-"""Share of a photograph's features that are of its soil, as long as there are so many: leaves repeat and sway, and
-their edges are stronger, so that without a share of its own soil has none. In a canopy at V10 the information of a pair
-(`mapping.uncertainty`) goes from 8 to 2000 / px² with it, and from 0 to 460 between directions 41° apart."""
+"""Least share of a photograph's features that are of its soil, as long as there are so many: leaves repeat and sway,
+and their edges are stronger, so that without a share of its own soil has none. In a canopy at V10 the information of a
+pair (`mapping.uncertainty`) goes from 8 to 2000 / px² with it, and from 0 to 460 between directions 41° apart."""
 _WEAKER = 0.5
 """Factor of the contrast from which features may be soil's where there are more than enough."""
 _OCTAVE_LAYERS = 3
@@ -149,7 +149,7 @@ def detect(
 ) -> Features:
     """The strongest features of an image, in pixels of one that is so much wider and higher.
 
-    Of a colour image a share is of the soil, where there are so many; of what is not soil, or not enough, the others.
+    Of a colour image at least a share is of the soil, where there are so many; the others are the strongest of all.
     """
     sx, sy = enlarged
     gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
@@ -166,7 +166,7 @@ def detect(
         away_px = cv2.distanceTransform((excess_green(image) <= EXG_THRESHOLD).astype(np.uint8), cv2.DIST_L2, 3)
         x, y = np.array([point.pt for point in strongest]).astype(int).T
         soil = away_px[y, x] > _OFF_PLANTS * np.array([point.size for point in strongest])
-        kept = np.flatnonzero(soil)[: round(soil_share * most)]
+        kept = np.flatnonzero(soil)[: max(round(soil_share * most), soil[:most].sum())]
         others = np.flatnonzero(~soil)[: most - len(kept)]
         more = np.flatnonzero(soil)[len(kept) : most - len(others)]
         strongest = [strongest[k] for k in np.concatenate([kept, others, more])]

@@ -16,7 +16,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
     {
         "bursts": 1,  # their steady photographs and their sway
         "quality": 3,  # sharpness and exposure of a photograph
-        "features": 2,
+        "features": 3,
         "learned": 1,  # features and matches of networks, where ties are weak
         "pairs": 1,  # blind matches and their verification
         "guided": 2,  # matches between known poses

@@ -61,6 +61,28 @@ def test_orientations_turn_with_the_picture() -> None:
     assert same > 0.8 * len(upright)
 
 
+def on_soil(plants: slice, contrast: float) -> tuple[Features, Features]:
+    """Features of soil with plants in a few columns, and those of the same picture without its colours."""
+    gray = picture(3, 640, 480)
+    gray[:, plants] = np.clip(128 + contrast * (gray[:, plants] - 128.0), 0, 255).astype(np.uint8)
+    image = np.stack([gray] * 3, axis=-1)
+    image[:, plants] = (image[:, plants] * (0.7, 1.0, 0.7)).astype(np.uint8)
+    settings = FeatureSettings(max_features=600)
+    return tuple(extract_features(each, settings) for each in (image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)))
+
+
+def test_soil_with_most_of_the_strongest_features_keeps_them() -> None:
+    """A few faint plants on a table or on bare ground."""
+    coloured, gray = on_soil(slice(0, 300), 0.5)
+    assert np.array_equal(coloured.keypoints, gray.keypoints)
+
+
+def test_soil_between_leaves_of_more_contrast_has_half_of_the_features() -> None:
+    coloured, gray = on_soil(slice(0, 480), 2.0)
+    assert (gray.points[:, 0] > 480).mean() < 0.25
+    assert (coloured.points[:, 0] > 480).mean() == pytest.approx(0.5, abs=0.01)
+
+
 def test_form_and_order() -> None:
     features = extract_features(picture(), FeatureSettings())
     assert len(features) > 50
