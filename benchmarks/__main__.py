@@ -37,7 +37,6 @@ class Study(StrEnum):
     EVALUATION = "evaluation"
     SCALING = "scaling"
     FEW_VIEWS = "few-views"
-    WEAK_TIES = "weak-ties"
     KNOWN_POSES = "known-poses"
     LEARNED_TIES = "learned-ties"
     REFERENCES = "references"
@@ -64,7 +63,6 @@ class Study(StrEnum):
     PLANT_FIGURES = "plant-figures"
     PLANT_COUNTS = "plant-counts"
     SCORE_PREDICTION = "score-prediction"
-    NEXT_VISIT = "next-visit"
 
 
 def command(
@@ -94,9 +92,12 @@ def command(
             "--scene",
             metavar="SCENE",
             help="Repeatable; in match-decay and planner: a name or file; all for every one of "
-            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out. "
-            "In trials: stages and flights such as V10/five-8.",
+            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out.",
         ),
+    ] = None,
+    block: Annotated[
+        list[str] | None,
+        typer.Option("--block", metavar="STAGE/FLIGHT", help="Repeatable; in trials, such as V10/five-8."),
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="In planner and paper.")] = 5,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of planner and paper.")] = 1,
@@ -146,7 +147,7 @@ def command(
     The engine's studies are clouds, dense, evaluation and scaling (speed), few-views, references,
     subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
     transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
-    are season, trials, field-check, plant-figures, plant-counts, score-prediction and next-visit; paper's
+    are season, trials, field-check, plant-figures, plant-counts and score-prediction; paper's
     are tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded
     image sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
 
@@ -202,7 +203,9 @@ def command(
             missions = MissionOptions(data, **({} if count is None else _counts(count)))
             results = run_missions(output, names, missions, progress=progress, overwrite=overwrite)
         elif suite is Suite.CAMPAIGN:
-            campaign = CampaignOptions(data, cache, tuple(scene or ()), count, width, workers=workers, work=work)
+            campaign = CampaignOptions(
+                data, cache, tuple(scene or ()), tuple(block or ()), count, width, workers=workers, work=work
+            )
             results = run_campaign(output, names, campaign, progress=progress, overwrite=overwrite)
         else:
             objective = ObjectiveOptions(data, cache, configurations)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.field_check import run_field_check
-from benchmarks.next_visit import run_next_visit
 from benchmarks.plant_counts import run_plant_counts
 from benchmarks.plant_figures import run_plant_figures
 from benchmarks.result import StudyResult
@@ -34,9 +33,11 @@ class CampaignOptions:
     cache: StageCache = field(default_factory=lambda: StageCache(None))
     """The stage cache."""
     scenes: tuple[str, ...] = ()
-    """Of ``field-check``, by default the held-out ones; of ``trials`` stages and flights such as V10/five-8."""
+    """Of ``field-check``, by default the held-out ones."""
+    blocks: tuple[str, ...] = ()
+    """Of ``trials``: stages and flights such as V10/five-8."""
     count: int | None = None
-    """Captures of ``field-check`` (80), plots of ``season`` (40) and of each scene in ``next-visit`` (1)."""
+    """Captures of ``field-check`` (80), plots of ``season`` (40)."""
     width_px: int = 2000
     """Of the photographs of ``season``."""
     seed: int = 0
@@ -95,13 +96,9 @@ def _score_prediction(options: CampaignOptions, progress: Progress) -> StudyResu
         return run_score_prediction(folder, data=options.data, cache=options.cache, progress=progress)
 
 
-def _next_visit(options: CampaignOptions, progress: Progress) -> StudyResult:
-    return run_next_visit(options.scenes, options.count or 1, progress=progress)
-
-
 def _trials(options: CampaignOptions, progress: Progress) -> StudyResult:
     with _folder(options, "trials") as folder:
-        return run_trials(options.scenes, work=folder, workers=options.workers, cache=options.cache, progress=progress)
+        return run_trials(options.blocks, work=folder, workers=options.workers, cache=options.cache, progress=progress)
 
 
 STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
@@ -111,7 +108,6 @@ STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "plant-figures": _plant_figures,
     "plant-counts": _plant_counts,
     "score-prediction": _score_prediction,
-    "next-visit": _next_visit,
 }
 DEFAULT = ("season", "field-check")
 

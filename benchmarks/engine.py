@@ -63,12 +63,6 @@ def _few_views(data: Path, options: EngineOptions, progress: Progress) -> StudyR
     return run_few_views(data, plan, cache=options.cache, progress=progress)
 
 
-def _weak_ties(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
-    from benchmarks.weak_ties import run_weak_ties
-
-    return run_weak_ties(data, cache=options.cache, progress=progress)
-
-
 def _known_poses(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from benchmarks.known_poses import run_known_poses
 
@@ -119,7 +113,6 @@ STUDIES: dict[str, Run] = {
     "evaluation": _evaluation,
     "scaling": _on_data("scaling", "Cost against the number of photographs", _scaling),
     "few-views": _on_data("few-views", "Few views", _few_views),
-    "weak-ties": _on_data("weak-ties", "Few views that are weakly tied", _weak_ties),
     "known-poses": _on_data("known-poses", "How well poses are known", _known_poses),
     "learned-ties": _on_data("learned-ties", "Learned matches where ties are weak", _learned_ties),
     "references": _on_data("references", "References of the recorded sets", _references),

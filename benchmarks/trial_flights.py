@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fieldkit.geometry import Intrinsics
+from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import build
 from fieldkit.scenes.plot_description import TrialDescription
@@ -42,6 +42,21 @@ class Survey:
     wind_m: float = 0.010
     """Sway of the leaves, metres; none has no wash either."""
 
+    @property
+    def accuracy_m(self) -> tuple[float, float]:
+        """Standard deviations of the positions on record, horizontal and vertical."""
+        return self.gnss_m, 1.5 * self.gnss_m
+
+    @property
+    def noise(self) -> CaptureNoise:
+        """Of its photographs."""
+        return CaptureNoise(_POSITION_M, _ANGLE_DEG, *self.accuracy_m, _ANGLE_DEG)
+
+    def poses(self, trial: TrialDescription) -> list[Pose]:
+        """As commanded over a block."""
+        x, y = (0.5 * side for side in trial.size_m)
+        return [pose for some in self.passes for pose in some.poses((-x, -y), (x, y), self.camera)]
+
 
 _FIVE_8 = (Passes(8.0, -90.0, 0.0, 0.8, 0.7), *four_directions(8.0, -60.0, 0.6, 0.6))
 FLIGHTS: Mapping[str, Survey] = MappingProxyType(
@@ -71,6 +86,7 @@ FLIGHTS: Mapping[str, Survey] = MappingProxyType(
 class Flight:
     """A rendered flight."""
 
+    survey: Survey
     folder: Path
     """With the photographs in `PHOTOS`, the trial's scene, plots and truth, and `POSES_FILE`."""
 
@@ -82,35 +98,31 @@ class Flight:
     def plots(self) -> Path:
         return self.folder / PLOTS_FILE
 
-    def centers(self) -> dict[str, np.ndarray]:
-        """True camera centres by photograph: metres east, north and up of the scene's origin."""
+    def true_poses(self) -> dict[str, Pose]:
+        """By photograph, in the scene's frame."""
         document = json.loads((self.folder / POSES_FILE).read_text("utf-8"))
-        return {name: np.array(center) for name, center in document.items()}
+        return {name: Pose(np.array(rotation), np.array(center)) for name, (rotation, center) in document.items()}
 
 
 def fly(folder: Path, seed: int, stage: Stage, survey: Survey, progress: Progress) -> Flight:
     """Render a flight over a block; one that is in ``folder`` already is taken as it is."""
-    flight = Flight(folder)
+    flight = Flight(survey, folder)
     if (folder / POSES_FILE).is_file():
         return flight
     trial = TrialDescription(seed=seed, ranges=survey.ranges, columns=survey.columns, stage=stage)
     scene = new_trial(trial)
     write_trial(folder, scene, overwrite=True, progress=progress)
-    reach_m = (0.5 * trial.size_m[0], 0.5 * trial.size_m[1])
-    poses = [pose for some in survey.passes for pose in some.poses((-reach_m[0], -reach_m[1]), reach_m, survey.camera)]
-    accuracy_m = (survey.gnss_m, 1.5 * survey.gnss_m)
-    noise = CaptureNoise(_POSITION_M, _ANGLE_DEG, *accuracy_m, _ANGLE_DEG)
     with Renderer(build(scene)) as renderer:
         true = simulate_capture(
             flight.photographs,
             renderer,
-            poses,
+            survey.poses(trial),
             survey.camera,
-            noise=noise,
+            noise=survey.noise,
             seed=seed,
             effects=scene.camera_effects,
             outdoors=Outdoors(survey.wind_m, _KG if survey.wind_m else 0.0),
-            site=replace(scene.site, rtk=survey.gnss_m < 0.1, accuracy_m=accuracy_m),
+            site=replace(scene.site, rtk=survey.gnss_m < 0.1, accuracy_m=survey.accuracy_m),
             row_heading_deg=scene.row_heading_deg,
             sidecars=Sidecars(camera=True),
             economy=True,
@@ -118,6 +130,6 @@ def fly(folder: Path, seed: int, stage: Stage, survey: Survey, progress: Progres
             progress=progress,
         )
     names = sorted(path.name for path in flight.photographs.glob("*.jpg"))
-    centers = dict(zip(names, [pose.center.tolist() for pose in true], strict=True))
-    (folder / POSES_FILE).write_text(json.dumps(centers), "utf-8")
+    document = {name: (p.rotation.tolist(), p.center.tolist()) for name, p in zip(names, true, strict=True)}
+    (folder / POSES_FILE).write_text(json.dumps(document), "utf-8")
     return flight

@@ -9,19 +9,26 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.trial_flights import FLIGHTS, Flight, fly
+from benchmarks.trial_surface import seen_by_two
+from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
+from fieldkit.clouds.ply import read_cloud
+from fieldkit.evaluation.evaluate_plot import RESERVED
 from fieldkit.evaluation.flight import evaluate_flight
-from fieldkit.results.evaluation import EvaluationReport, ImageReport, PlotEvaluation
+from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, ImageReport, PlotEvaluation
 from fieldkit.results.traits import error_column
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.scene_file import read_scene
+from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.vocabulary import Stage
 from fieldkit_sim.trial.files import SCENE_FILE, TRUTH_FILE
+from fieldkit_sim.trial.ground import ground_height
 
 _SEEDS: dict[Stage, int] = {"V6": 101, "V10": 102, "V14": 103, "R1": 104}
 """Of the blocks that nothing was chosen on, by stage."""
@@ -31,6 +38,12 @@ BLOCKS = tuple(f"{stage}/five-8" for stage in _SEEDS)
 """What is flown where nothing else is asked for."""
 _OFF_M = 0.03
 """Error of a photograph's place that has to be told, metres."""
+_WITHIN_M = 0.02
+"""Distance from a cloud's point within which surface counts as reconstructed, metres."""
+_SURFACES = 4
+"""Most plots whose surface is looked for in their clouds."""
+SCORES = "scores"
+"""A flight's evaluation in its folder."""
 _TRAITS = {
     "height_m": "height_m",
     "height_p95_m": "height_p95_m",
@@ -73,6 +86,14 @@ class Judged:
     """Median of a plot beside mapping."""
     memory_gb: float
     """Peak of the whole process."""
+    surface: float
+    """Share of the surface that two photographs see within 20 mm of the clouds, of the first `_SURFACES` plots."""
+    hidden_m: float
+    """Root mean square of what the highest place that two photographs see is below the highest leaf, of these."""
+    ground_off_m: float
+    """Root mean square error of the plots' ground."""
+    camera_off_m: float
+    """95th percentile of the cameras' distances from their true places, less what all have in common."""
 
 
 def run_trials(
@@ -93,7 +114,7 @@ def run_trials(
         flight = fly(work / named / kind, seed, stage, FLIGHTS[kind], progress)  # type: ignore[arg-type]
         context = Context(cache, progress, workers=workers)
         report = evaluate_flight(
-            flight.photographs, flight.plots, flight.folder / "scores", None, context, overwrite=True
+            flight.photographs, flight.plots, flight.folder / SCORES, None, context, overwrite=True
         )
         results.append(judge(block, flight, report))
     return StudyResult(
@@ -112,7 +133,10 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
     images: dict[str, tuple[ImageReport, PlotEvaluation]] = {}
     for plot in report.plots:
         images |= {image.name: (image, plot) for image in plot.image_reports}
-    off_m = _errors_m(flight, images)
+    offsets_m = _offsets_m(flight, images)
+    # What all have in common, such as a receiver's offset, is no error of a photograph.
+    common_m = np.median(list(offsets_m.values()), axis=0) if offsets_m else np.zeros(3)
+    off_m = {name: float(np.linalg.norm(offset - common_m)) for name, offset in offsets_m.items()}
     with (flight.folder / TRUTH_FILE).open(encoding="utf-8") as file:
         truth = {row["plot"]: row for row in csv.DictReader(file)}
     rmse, had, within = {}, {}, {}
@@ -127,8 +151,18 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
             below = plot.traits.height_error_below_m if trait == "height_m" else above
             errors.append((value - true) / (true if trait in _RELATIVE else 1.0))
             held += value - below <= true <= value + above
-        rmse[trait] = float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan")
+        rmse[trait] = _rms(errors)
         had[trait], within[trait] = len(errors), held
+    memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    soil = read_scene(flight.folder / SCENE_FILE).plot.soil
+    near, hidden_m = [], []
+    for plot, seen in _surfaces(flight, report):
+        path = flight.folder / SCORES / plot_file_name(plot.name, RESERVED) / CLOUD_FILE
+        cloud = cKDTree(_in_scene(flight, plot, read_cloud(path).points) - common_m)
+        near.append(cloud.query(seen)[0] <= _WITHIN_M)
+        ground_m = float(np.median(ground_height(soil, *seen[:, :2].T)))
+        hidden_m.append(float(truth[plot.name]["height_m"]) - float(seen[:, 2].max()) + ground_m)
+    grounds_m = [_in_scene(flight, plot, np.zeros((1, 3)))[0] - common_m for plot in report.plots if plot.frame]
     own_s = [sum(time.cpu_s for time in plot.times) for plot in report.plots]
     assert report.flight is not None
     return Judged(
@@ -143,23 +177,43 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
         within,
         (report.cpu_seconds - sum(own_s)) / report.flight.images,
         float(np.median(own_s)),
-        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+        memory_gb,
+        float(np.concatenate(near).mean()) if near else float("nan"),
+        _rms(hidden_m),
+        _rms([place[2] - float(ground_height(soil, *place[:2, None])[0]) for place in grounds_m]),
+        float(np.quantile(list(off_m.values()), 0.95)) if off_m else float("nan"),
     )
 
 
-def _errors_m(flight: Flight, images: dict[str, tuple[ImageReport, PlotEvaluation]]) -> dict[str, float]:
-    """How far photographs with a pose are off, less what all have in common: a receiver's offset is no error of it."""
-    scene, true = read_scene(flight.folder / SCENE_FILE), flight.centers()
-    off = {}
-    for name, (image, plot) in images.items():
-        frame = plot.frame
-        if image.center_m is None or frame is None or frame.origin is None:
-            continue
-        source = frame.of_source(plot.metric_source or "").from_source.inverse().apply(np.array([image.center_m]))
-        latitude, longitude, altitude = frame.origin.to_geodetic(source)
-        off[name] = scene.site.origin.to_local(latitude, longitude, altitude)[0] - true[name]
-    common = np.median(list(off.values()), axis=0) if off else np.zeros(3)
-    return {name: float(np.linalg.norm(error - common)) for name, error in off.items()}
+def _surfaces(flight: Flight, report: EvaluationReport) -> list[tuple[PlotEvaluation, FloatArray]]:
+    """The first plots that have traits, with `seen_by_two`."""
+    plots = {plot.name: plot for plot in report.plots if plot.traits is not None}
+    names = list(plots)[:_SURFACES]
+    return [(plots[name], seen) for name, seen in seen_by_two(flight, names).items()] if names else []
+
+
+def _rms(errors: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(errors)))) if errors else float("nan")
+
+
+def _in_scene(flight: Flight, plot: PlotEvaluation, points: FloatArray) -> FloatArray:
+    """Points (n, 3) of a plot's frame in the frame of the flight's scene."""
+    frame = plot.frame
+    assert frame is not None
+    assert frame.origin is not None
+    source = frame.of_source(plot.metric_source or "").from_source.inverse().apply(points)
+    scene = read_scene(flight.folder / SCENE_FILE)
+    return scene.site.origin.to_local(*frame.origin.to_geodetic(source))
+
+
+def _offsets_m(flight: Flight, images: dict[str, tuple[ImageReport, PlotEvaluation]]) -> dict[str, FloatArray]:
+    """By photograph with a pose, its place less the true one."""
+    true = flight.true_poses()
+    return {
+        name: _in_scene(flight, plot, np.array([image.center_m]))[0] - true[name].center
+        for name, (image, plot) in images.items()
+        if image.center_m is not None and plot.frame is not None
+    }
 
 
 def _photographs_table(results: Sequence[Judged]) -> ResultTable:
@@ -169,6 +223,10 @@ def _photographs_table(results: Sequence[Judged]) -> ResultTable:
         "right>",
         "loose>",
         "off by 3 cm, not told>",
+        "95 % of cameras off by>",
+        "surface within 20 mm>",
+        "top hidden by>",
+        "ground off by>",
         "CPU s a photograph>",
         "a plot>",
         "GB>",
@@ -180,6 +238,10 @@ def _photographs_table(results: Sequence[Judged]) -> ResultTable:
             found.right,
             found.loose,
             found.off,
+            f"{1000.0 * found.camera_off_m:.1f} mm",
+            f"{100.0 * found.surface:.1f} %",
+            f"{100.0 * found.hidden_m:.1f} cm",
+            f"{1000.0 * found.ground_off_m:.0f} mm",
             f"{found.mapping_cpu_s:.1f}",
             f"{found.plot_cpu_s:.0f}",
             f"{found.memory_gb:.1f}",
