@@ -1,9 +1,11 @@
-"""Lines of a pattern over a field, in the order in which they are flown."""
+"""Lines of a pattern over a field, in the order in which they are flown, and the time that they take."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -11,6 +13,8 @@ import shapely
 from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.pattern import Look, Pattern
+from fieldkit.routing import motion
+from fieldkit.vehicles.vehicle import Vehicle
 
 _SAME_AXIS_DEG = 1.0
 """Angle between lines that are flown in turns as one set, degrees."""
@@ -109,3 +113,108 @@ def _direction(heading_deg: float) -> FloatArray:
     """(2,) of a compass heading."""
     heading = np.radians(heading_deg)
     return np.array([np.sin(heading), np.cos(heading)])
+
+
+def fastest_mps(pattern: Pattern, vehicle: Vehicle, plants_m: float = 0.0) -> float:
+    """Speed along lines at which no photograph is blurred by more than a pixel or missed by the camera.
+
+    Args:
+        plants_m: height of what must not be blurred, at most; it is taken to stand below the camera.
+    """
+    pixel_m = max(pattern.height_m - plants_m, 0.0) / vehicle.camera.fx
+    return min(pixel_m / vehicle.trigger.shutter_s, pattern.along_m / vehicle.trigger.interval_s)
+
+
+@dataclass(frozen=True)
+class PassFlight:
+    """Lines that are flown on one battery."""
+
+    lines: range
+    """Indices."""
+    seconds: float
+    """From take-off to standing motors."""
+    battery: float
+    """Share of one battery's usable time."""
+
+
+def pass_time(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> float:
+    """Seconds in the air of all flights over lines; each begins and ends below the first photograph."""
+    return sum(flight.seconds for flight in pass_flights(lines, vehicle, speed_mps))
+
+
+def pass_flights(
+    lines: Sequence[Line],
+    vehicle: Vehicle,
+    speed_mps: float,
+    home_m: Sequence[float] | None = None,
+    most_lines: int | None = None,
+) -> tuple[PassFlight, ...]:
+    """As few flights as batteries take, each of whole lines; one line that is too long for a battery is a flight.
+
+    Lines are flown at one speed, and so is the way between them. An ArduPilot passes their ends, others stop there.
+
+    Args:
+        speed_mps: along lines.
+        home_m: (2,) of take-off and landing; below the first photograph where it is not given.
+        most_lines: of one flight.
+    """
+    starts, ends = (np.array([line.stations_m[k] for line in lines]) for k in (0, -1))
+    home = starts[0, :2] if home_m is None else np.asarray(home_m, dtype=np.float64)
+    speeds = vehicle.speeds.model_copy(update={"cruise_mps": speed_mps})
+    out_s, back_s = (
+        motion.level_time_s(np.linalg.norm(places[:, :2] - home, axis=1), speeds) for places in (starts, ends)
+    )
+    out_s += [motion.takeoff_s(height, speeds) for height in starts[:, 2].tolist()]
+    back_s += [motion.landing_s(height, speeds) for height in ends[:, 2].tolist()]
+    # From the first line's beginning to each one's end.
+    on_line_s, between_s = _seconds(lines, vehicle, speed_mps)
+    over_s = np.cumsum(on_line_s) + np.concatenate([[0.0], np.cumsum(between_s)])
+    flights: list[PassFlight] = []
+    first = 0
+    while first < len(lines):
+        seconds = over_s[first : most_lines and first + most_lines] - over_s[first] + on_line_s[first]
+        seconds += out_s[first] + back_s[first : first + len(seconds)]
+        count = max(1, int(np.flatnonzero(seconds <= vehicle.battery.usable_s).max(initial=0)) + 1)
+        whole_s = float(seconds[count - 1])
+        flights.append(PassFlight(range(first, first + count), whole_s, whole_s / vehicle.battery.usable_s))
+        first += count
+    return tuple(flights)
+
+
+def turn_waits_s(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> list[float]:
+    """By line, how long the vehicle stands at its first place until it has turned there from the line before.
+
+    An ArduPilot stands for whole seconds. The turn to the first line is half a turn.
+    """
+    first_s = _whole(motion.turn_seconds(None, 0.0, vehicle.speeds), vehicle)
+    return [first_s, *_waits(lines, _ways(lines, vehicle, speed_mps)[1::2], vehicle)]
+
+
+def _waits(lines: Sequence[Line], between: Sequence[motion.Leg], vehicle: Vehicle) -> list[float]:
+    turns = motion.turns_s(np.diff([line.yaw_deg for line in lines]), vehicle.speeds).tolist()
+    return [_whole(max(0.0, turn_s - way.seconds), vehicle) for turn_s, way in zip(turns, between, strict=True)]
+
+
+def _whole(seconds: float, vehicle: Vehicle) -> float:
+    return math.ceil(seconds) if vehicle.dialect == "ardupilot" else seconds
+
+
+def _ways(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> list[motion.Leg]:
+    """Lines, and the ways between them, in turns."""
+    places = np.array([line.stations_m[k] for line in lines for k in (0, -1)])
+    steps = np.diff(places, axis=0)
+    level = np.hypot(steps[:, 0], steps[:, 1]).tolist()
+    return [motion.leg(a, b, vehicle.speeds, speed_mps) for a, b in zip(level, steps[:, 2].tolist(), strict=True)]
+
+
+def _seconds(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> tuple[list[float], list[float]]:
+    """Along every line, and from each to the next."""
+    ways = _ways(lines, vehicle, speed_mps)
+    waits = _waits(lines, ways[1::2], vehicle)
+    if vehicle.dialect == "ardupilot":
+        steps = np.diff([line.stations_m[k] for line in lines for k in (0, -1)], axis=0).tolist()
+        for k, (before, after) in enumerate(pairwise(steps)):
+            if k % 2 == 0 or waits[k // 2] == 0.0:
+                turn_cos = motion.turn_cosine(before, after)
+                ways[k : k + 2] = motion.corner(ways[k], ways[k + 1], turn_cos, vehicle.acceptance_m)
+    return [way.seconds for way in ways[::2]], [a.seconds + b for a, b in zip(ways[1::2], waits, strict=True)]

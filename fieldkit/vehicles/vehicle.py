@@ -65,6 +65,10 @@ class Trigger(Strict):
     """Standing still with the camera turned, before the shutter."""
     exposure_s: NotNegative
     """Standing still after it."""
+    interval_s: Positive = 2.0
+    """Shortest time from one photograph to the next."""
+    shutter_s: Positive = 0.001
+    """For how long light falls in where photographs are taken in passing."""
 
 
 class Speeds(Strict):

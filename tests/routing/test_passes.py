@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.results.pattern import Look, Pattern
-from fieldkit.routing.passes import lines_over
+from fieldkit.routing.passes import fastest_mps, lines_over, pass_flights, pass_time
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 FIELD = shapely.box(-9.0, -6.0, 9.0, 6.0)
 
@@ -53,3 +54,32 @@ def test_a_line_keeps_its_spacing_and_height():
     for line in lines:
         assert np.linalg.norm(np.diff(line.stations_m, axis=0), axis=1) == pytest.approx(2.0)
         assert line.stations_m[:, 2] == pytest.approx(12.0)
+
+
+BOTH = Pattern((Look(0.0, -60.0), Look(180.0, -60.0)), 8.0, 1.5, 2.2)
+
+
+def test_the_speed_blurs_by_no_pixel_and_waits_for_the_camera():
+    vehicle = load_vehicle("dji-mavic-3-enterprise")
+    assert fastest_mps(BOTH, vehicle) == pytest.approx(1.5 / 0.7)
+    assert fastest_mps(BOTH, vehicle, plants_m=2.0) == pytest.approx(6.0 / 3713.29 / 0.001)
+
+
+@pytest.mark.parametrize("name", ["ardupilot-pitch", "px4-gimbal", "dji-mavic-3-enterprise"])
+def test_passes_take_as_long_as_their_way_and_a_few_seconds_a_turn(name):
+    vehicle, lines = load_vehicle(name), lines_over(BOTH, FIELD, 0.0)
+    metres = sum(np.linalg.norm(line.stations_m[-1] - line.stations_m[0]) for line in lines)
+    more = (pass_time(lines, vehicle, 2.0) - metres / 2.0 - pass_time(lines[:1], vehicle, 2.0)) / (len(lines) - 1)
+    assert (4.0 if vehicle.dialect == "ardupilot" else 7.0) < more < 15.0
+
+
+def test_flights_are_whole_lines_that_a_battery_takes():
+    vehicle = load_vehicle("ardupilot-pitch")
+    lines = lines_over(BOTH, shapely.box(-30.0, -30.0, 30.0, 30.0), 0.0)
+    flights = pass_flights(lines, vehicle, 2.0, (40.0, 0.0))
+    assert [k for flight in flights for k in flight.lines] == list(range(len(lines)))
+    assert len(flights) > 1
+    assert all(0.8 < flight.battery <= 1.0 for flight in flights[:-1])
+    few = pass_flights(lines, vehicle, 2.0, (40.0, 0.0), most_lines=4)
+    assert max(len(flight.lines) for flight in few) == 4
+    assert len(few) == -(-len(lines) // 4)
