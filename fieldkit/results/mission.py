@@ -16,7 +16,8 @@ from fieldkit.documents.json_file import read_model
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.evaluation import FileEntry
-from fieldkit.results.fields import STRICT, Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
+from fieldkit.results.fields import STRICT, Count, Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
+from fieldkit.results.pattern import Pattern
 from fieldkit.results.plan import station_number
 
 MISSION_FILE = "mission.json"
@@ -158,6 +159,40 @@ class Via(GeoPoint):
     kind: Literal["via"] = field(default="via", kw_only=True)
 
 
+@dataclass(frozen=True)
+class Passing(GeoPoint):
+    """A photograph taken in passing, on a line of a pattern; the place is the camera's, as foreseen."""
+
+    kind: Literal["passing"] = field(default="passing", kw_only=True)
+    line: Count
+    """Of all flights, in the order they are flown, from 0; people's number is one more."""
+    yaw_deg: Heading
+    """True heading of the optical axis, clockwise from north."""
+    pitch_deg: Pitch
+    """Of the gimbal."""
+    plots: tuple[str, ...] = ()
+    """That it shows by half at least."""
+    time_s: Length | None = None
+    """After arming, as foreseen."""
+
+    @property
+    def name(self) -> str:
+        """For people: "line 7", of the line 6."""
+        return f"line {station_number(self.line)}"
+
+
+class MissionPasses(Strict):
+    """What lines are laid by: the same pattern over the same outline gives the same lines."""
+
+    pattern: Pattern
+    outline: Ring
+    """Of the field."""
+    rows_deg: Heading
+    """Compass heading of the rows, to which the pattern's headings are relative."""
+    speed_mps: Length
+    """Along lines: the pattern's, or less where motion would blur photographs or the camera could not follow."""
+
+
 class MissionBurst(Strict):
     """Several photographs at each station, so that what wind moves can be averaged."""
 
@@ -176,8 +211,9 @@ class MissionFlight(Strict):
     """Of ``files``: what the vehicle is given."""
     takeoff_m: Height
     """Height above home at which the first leg begins."""
-    stops: tuple[Annotated[Shot | Via, Field(discriminator="kind")], ...]
-    """In the order they are flown."""
+    stops: tuple[Annotated[Shot | Via | Passing, Field(discriminator="kind")], ...]
+    """In the order they are flown. The first `Passing` of a line is a waypoint, and so is every `Via`: up to the last
+    one before the next line photographs are taken."""
     landing: GeoPoint
     """Where it lands, at the height from which it descends."""
     length_m: Length
@@ -200,14 +236,20 @@ class MissionFlight(Strict):
         return tuple(stop for stop in self.stops if isinstance(stop, Shot))
 
     @property
+    def passings(self) -> tuple[Passing, ...]:
+        """Photographs taken in passing."""
+        return tuple(stop for stop in self.stops if isinstance(stop, Passing))
+
+    @property
     def photographs(self) -> int:
         """How many are taken."""
-        return len(self.stations) * (self.burst.photographs if self.burst else 1)
+        return len(self.stations) * (self.burst.photographs if self.burst else 1) + len(self.passings)
 
     @property
     def plots(self) -> tuple[str, ...]:
         """Names, in the order they are flown."""
-        return tuple(dict.fromkeys(station.plot for station in self.stations))
+        shown = (plot for passing in self.passings for plot in passing.plots)
+        return tuple(dict.fromkeys((*(station.plot for station in self.stations), *shown)))
 
 
 class MissionRecord(Strict):
@@ -242,6 +284,8 @@ class MissionRecord(Strict):
     """Nothing is flown higher."""
     rally: tuple[GeoPoint, ...] = ()
     """Places to return to in an emergency."""
+    passes: MissionPasses | None = None
+    """Where flights are those of a pattern."""
     files: tuple[FileEntry, ...]
     """All that was written beside this one."""
 
@@ -263,9 +307,9 @@ class MissionRecord(Strict):
         for flight in self.flights:
             if flight.file not in files:
                 raise ValueError(f"{flight.file} is a flight's, and files does not name it")
-            for station in flight.stations:
-                if station.plot not in plots:
-                    raise ValueError(f"a photograph is of {station.plot}, which is none of the plots")
+            for plot in flight.plots:
+                if plot not in plots:
+                    raise ValueError(f"a photograph is of {plot}, which is none of the plots")
         return self
 
 

@@ -6,12 +6,13 @@ Positions are in the plot frame, whose z = 0 is the fitted ground; that is the d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.fields import Count, Heading, Length, Pitch, Strict, Vector
+from fieldkit.results.pattern import Pattern
 
 
 class Station(Strict):
@@ -101,13 +102,16 @@ class PlanFit(Strict):
 
 
 class Plan(Strict):
-    """plan.json: the stations of a few-view capture."""
+    """plan.json: the stations of a few-view capture of one plot, or the pattern of passes over all plots of a field."""
 
     kind: Literal["plan"] = "plan"
     version: Literal[1] = 1
     fieldkit: str
     """Version that wrote it."""
-    stations: Annotated[tuple[Station, ...], Field(min_length=1)]
+    stations: tuple[Station, ...] = ()
+    """Of each plot; none where there is a pattern."""
+    pattern: Pattern | None = None
+    """Null where there are stations."""
     camera: Intrinsics | None = None
     row_heading_deg: Heading | None = None
     """Compass heading of the plot frame's x axis."""
@@ -121,6 +125,12 @@ class Plan(Strict):
     fit: PlanFit | None = None
     """Where the stations are those of a plan that was fitted to another plot; ``method`` says what it was worth on its
     own."""
+
+    @model_validator(mode="after")
+    def _stations_or_pattern(self) -> Self:
+        if bool(self.stations) == (self.pattern is not None):
+            raise ValueError("stations: a plan has stations or a pattern, either of the two")
+        return self
 
 
 Plans = Plan | Mapping[str, Plan]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.documents.json_file import read_model
+from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.plan import Plan, Station
@@ -39,12 +40,22 @@ def plan_bytes(plan: Plan) -> bytes:
     return (plan.model_dump_json(indent=2) + "\n").encode("utf-8")
 
 
-def load_plan(path: Path | str) -> Plan:
+def load_plan(path: Path | str, *, patterns: bool = False) -> Plan:
     """Read plan.json; ``path`` is the file or the folder that holds it.
 
+    Args:
+        patterns: take a pattern, too, not stations alone.
+
     Raises:
-        MetadataError: it is missing, not JSON, no plan, of another version, or a field is wrong.
+        MetadataError: it is missing, not JSON, no plan, of another version, or a field is wrong; or it is a pattern.
     """
     path = Path(path)
     file = path / PLAN_FILE if path.is_dir() else path
-    return read_model(Plan, "plan", file, _AGAIN, max_bytes=_MAX_BYTES)
+    plan = read_model(Plan, "plan", file, _AGAIN, max_bytes=_MAX_BYTES)
+    if plan.pattern is not None and not patterns:
+        raise MetadataError(
+            "is a pattern of passes over a field, not stations about a plot",
+            path=file,
+            remedy="Fly it with fieldkit export-mission; photographs of a field need no --plan.",
+        )
+    return plan

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fieldkit.results.mission import GeoPoint, Home, Shot, Via
+from fieldkit.results.mission import GeoPoint, Home, Passing, Shot, Via
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
-__all__ = ["NO_FENCE", "Fence", "GeoPoint", "Home", "Mission", "Shot", "Via"]
+__all__ = ["NO_FENCE", "Fence", "GeoPoint", "Home", "Mission", "Passing", "Shot", "Via"]
 
 
 def burst_s(photographs: int, exposure_s: float) -> float:
@@ -41,8 +41,8 @@ class Mission:
     """Take-off place."""
     takeoff_m: float
     """Height above home that is climbed to first."""
-    stops: tuple[Shot | Via, ...]
-    """In the order they are flown."""
+    stops: tuple[Shot | Via | Passing, ...]
+    """In the order they are flown, as `fieldkit.results.mission.MissionFlight.stops`."""
     landing: GeoPoint
     """Where it lands, at the height from which it descends."""
     speed_mps: float
@@ -57,6 +57,8 @@ class Mission:
     """None where there is none."""
     burst: int = 1
     """Photographs at each station."""
+    spacing_m: float = 0.0
+    """From photograph to photograph in passing, along the ground."""
 
     @property
     def interval_s(self) -> float:
@@ -67,3 +69,8 @@ class Mission:
     def shots(self) -> tuple[Shot, ...]:
         """The stops with photographs."""
         return tuple(stop for stop in self.stops if isinstance(stop, Shot))
+
+    @property
+    def passings(self) -> tuple[Passing, ...]:
+        """Photographs taken in passing."""
+        return tuple(stop for stop in self.stops if isinstance(stop, Passing))

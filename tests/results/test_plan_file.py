@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.results.pattern import Look, Pattern
 from fieldkit.results.plan import Plan, PlanMethod, PlanSource, Station
 from fieldkit.results.plan_file import load_plan, plan_from_poses, save_plan
 from fieldkit_sim.simulation import ring
@@ -48,6 +49,14 @@ def test_stations_read_back_exactly(rows: list[tuple[float, float, float, float,
     stations = tuple(Station(position_m=row[:3], yaw_deg=row[3], pitch_deg=row[4]) for row in rows)
     plan = Plan(fieldkit="0", stations=stations)
     assert Plan.model_validate_json(plan.model_dump_json()) == plan
+
+
+def test_a_pattern_is_read_where_it_is_expected(tmp_path: Path) -> None:
+    plan = Plan(fieldkit="0", pattern=Pattern((Look(0.0, -60.0), Look(180.0, -60.0)), 8.0, 2.1, 2.2), camera=CAMERA)
+    save_plan(tmp_path / "plan.json", plan)
+    assert load_plan(tmp_path, patterns=True) == plan
+    with pytest.raises(MetadataError, match="pattern of passes"):
+        load_plan(tmp_path)
 
 
 @pytest.mark.parametrize(
