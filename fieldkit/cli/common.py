@@ -71,6 +71,18 @@ def only_plots(text: str) -> list[str]:
     return [name for name in map(str.strip, text.split(",")) if name]
 
 
+def line_numbers(text: str) -> list[int]:
+    """The lines of --lines: "7", "7,9" or "7-12"."""
+    numbers: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.partition("-")
+        try:
+            numbers += range(int(first), int(last or first) + 1)
+        except ValueError:
+            raise UsageError(f"--lines: {part!r} is no number of a line", remedy='Give "7", "7,9" or "7-12".') from None
+    return numbers
+
+
 PlotIdOption = Annotated[
     str | None,
     Option(

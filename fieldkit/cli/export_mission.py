@@ -21,6 +21,7 @@ from fieldkit.cli.common import (
     PlotsOption,
     answer,
     emit_json,
+    line_numbers,
     say,
     show,
     table,
@@ -36,7 +37,12 @@ if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
 
 SETTINGS: Panels = {
-    "Options": {**MISSION, "fit": Option("--fit/--no-fit"), "burst": Option(metavar="K", min=1, max=30)},
+    "Options": {
+        **MISSION,
+        "fit": Option("--fit/--no-fit"),
+        "burst": Option(metavar="K", min=1, max=30),
+        "lines": Annotated[str | None, Option(metavar="LINE[,LINE…]", parser=line_numbers)],
+    },
     RUN: {"seed": SEED},
 }
 
@@ -62,7 +68,7 @@ def command(
     otherwise than the plan's, that is said.
 
     Args:
-        plan: plan.json, or the folder that holds it.
+        plan: plan.json, or the folder that holds it; or mission.json of passes, to fly the same lines again.
         site: Site file: home, plots, fence, obstacles.
         no_picture: Do not draw the flights.
 
@@ -134,14 +140,21 @@ def _tell_fitted(done: ExportedMission) -> None:
 def _answer(done: ExportedMission) -> None:
     routed = done.routed
     plants = _plants([*routed.clear_m.values()], routed.plants_m)
-    plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
-    answer(
-        f"{count(routed.stations // plots, 'station')} on {count(plots, 'plot')}: "
+    in_the_air = (
         f"{count(routed.photographs, 'photograph')}, {format_length(routed.length_m)} and "
         f"{format_seconds(routed.time_s)} from take-off to landing, "
         f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
         f"the ground; {plants}."
     )
+    if routed.passes is not None:
+        lines = {shot.line for each in routed.flights for shot in each.mission.passings}
+        answer(
+            f"{count(len(lines), 'line')} over {count(len(routed.clear_m), 'plot')} at "
+            f"{routed.passes.speed_mps:.2f} m/s: {in_the_air}"
+        )
+        return
+    plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
+    answer(f"{count(routed.stations // plots, 'station')} on {count(plots, 'plot')}: " + in_the_air)
     mission = routed.flights[0].mission
     if mission.burst > 1:
         more = format_seconds(routed.bursts_s)

@@ -10,9 +10,10 @@ import numpy as np
 from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
 from fieldkit.results.finding import Finding
+from fieldkit.results.mission import MissionPasses
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.routing.flights import FileCapacity, Flight, plan_flights
-from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via, burst_s
+from fieldkit.routing.mission import Fence, GeoPoint, Mission, Passing, Shot, Via, burst_s
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.sites.fit import PLOTS_NEAR, fit_report
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, landing_of
@@ -37,7 +38,7 @@ class RoutedFlight:
     @property
     def photographs(self) -> int:
         """How many are taken."""
-        return len(self.mission.shots) * self.mission.burst
+        return len(self.mission.shots) * self.mission.burst + len(self.mission.passings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,8 @@ class Routed:
     """What does not fit on which plot, or is worth knowing; errors are none of it."""
     own: Mapping[str, Plan] = field(default_factory=dict)
     """Plans of plots that are not flown by the one plan that was given."""
+    passes: MissionPasses | None = None
+    """Where flights are those of a pattern."""
 
     @property
     def plants(self) -> FloatArray:
@@ -106,7 +109,7 @@ class Routed:
     def cameras(self, site: Site) -> list[Pose]:
         """Of all photographs in the order they are taken, site frame."""
         frame = SiteFrame(site.home)
-        shots = [shot for each in self.flights for shot in each.mission.shots]
+        shots = [stop for each in self.flights for stop in each.mission.stops if not isinstance(stop, Via)]
         points = frame.points(shot.place for shot in shots)
         return [Pose.from_yaw_pitch(p, s.yaw_deg, s.pitch_deg) for p, s in zip(points, shots, strict=True)]
 
@@ -199,7 +202,17 @@ def _mission(
         stops += [Via(*astuple(point)) for point in frame.places(np.array(leg.via).reshape(-1, 3))]
         if index is not None:
             stops.append(shots[index])
-    (end,) = frame.places(np.array(flight.legs[-1].points[-1:]))
+    return mission_over(stops, np.array(flight.legs[-1].points[-1]), number, count, site, vehicle)
+
+
+def mission_over(
+    stops: Sequence[Shot | Via | Passing], landing: FloatArray, number: int, count: int, site: Site, vehicle: Vehicle
+) -> Mission:
+    """One of several missions of a site.
+
+    ``landing`` (3,) is where it descends, site frame.
+    """
+    (end,) = SiteFrame(site.home).places(landing)
     return Mission(
         name=site.name if count == 1 else f"{site.name}, flight {number} of {count}",
         home=site.home,

@@ -10,17 +10,28 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.errors import UsageError
+from fieldkit.errors import MetadataError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export import Routed, RoutedFlight, route_plan
+from fieldkit.missions.export_passes import passes_over, route_passes
 from fieldkit.missions.export_record import geojson_bytes, mission_record
 from fieldkit.missions.files.formats import FORMATS, mission_bytes, read_mission_bytes
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.missions.settings import MissionSettings
 from fieldkit.regular_files import check_replaceable, read_regular
-from fieldkit.results.mission import FlownPlan, record_bytes, record_path
+from fieldkit.results.mission import (
+    MISSION_FILE,
+    FlownPlan,
+    MissionPasses,
+    MissionRecord,
+    Shot,
+    Via,
+    load_mission,
+    record_bytes,
+    record_path,
+)
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.routing.flights import FileCapacity
@@ -90,7 +101,7 @@ def export_mission(
     site = Path(site) if isinstance(site, str) else site
     plots = None if plots is None else Path(plots)
     output, format = mission_file(Path(output), settings.format)  # noqa: A001
-    loaded = load_plan(plan) if isinstance(plan, Path) else plan
+    loaded, again = _loaded(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = site if isinstance(site, Site) else load_site(site, plots, plot_id)
     if isinstance(site, Site) and plots is not None:
@@ -98,7 +109,9 @@ def export_mission(
     if settings.only is not None:
         place = with_plots(place, named_plots(place, settings.only))
     stated, place = place, with_plant_height(place, loaded, settings.plant_height)
-    routed = route_for_files(loaded, profile, place, format, settings, progress)
+    routed = route_for_files(
+        loaded, profile, place, format, settings, progress, None if again is None else again.passes
+    )
     routed = replace(routed, fit=(*heights_taken(stated, place, settings.plant_height), *routed.fit))
     stem = output.stem
     first, written = dict[int, str](), dict[str, Path]()
@@ -107,7 +120,10 @@ def export_mission(
     more = {written[plot]: plan_bytes(routed.own[plot]) for plot in first.values()}
     if picture:
         more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
-    flown = flown_plans(plan, loaded, place, routed.own, written)
+    if again is None:
+        flown = flown_plans(plan, loaded, place, routed.own, written)
+    else:
+        flown = {each.name: again.plots[0].plan for each in place.plots}
     files = write_mission(
         routed,
         profile,
@@ -122,6 +138,20 @@ def export_mission(
     return ExportedMission(routed, files, written)
 
 
+def _loaded(plan: Path | Plans) -> tuple[Plans, MissionRecord | None]:
+    """A plan, and the record of the mission that is flown again where that was given in a plan's place."""
+    if not isinstance(plan, Path):
+        return plan, None
+    if not plan.name.endswith(MISSION_FILE):
+        return load_plan(plan, patterns=True), None
+    record = load_mission(plan)
+    if record.passes is None:
+        raise MetadataError(
+            "is no mission of passes", path=plan, remedy="Give the plan that it was exported from, to fly it again."
+        )
+    return Plan(fieldkit=record.fieldkit, pattern=record.passes.pattern), record
+
+
 def route_for_files(
     plan: Plans,
     vehicle: Vehicle,
@@ -129,10 +159,12 @@ def route_for_files(
     format: str,  # noqa: A002
     settings: MissionSettings,
     progress: Progress | None = None,
+    passes: MissionPasses | None = None,
 ) -> Routed:
-    """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
+    """As `route_plan` or `route_passes`, with the time that the files take and the length of their way.
 
-    Files take some seconds more than the flights that are planned: holds in whole seconds and the like.
+    Both are as check-mission tells them. Files take some seconds more than the flights that are planned: holds in whole
+    seconds and the like. ``passes`` are flown again, on the same lines; a pattern without them is laid anew.
     """
     suffix = FORMATS[format][0]
 
@@ -148,6 +180,16 @@ def route_for_files(
         capacity = FileCapacity(most, f"waypoints that {APPS[format]} takes", a_stop=1, a_flight=2)
     else:
         capacity = FileCapacity(vehicle.max_items, a_stop=FileCapacity(None).a_stop + 2 * (settings.burst - 1))
+    if isinstance(plan, Plan) and plan.pattern is not None:
+        return route_passes(
+            passes or passes_over(plan.pattern, site, vehicle),
+            vehicle,
+            site,
+            adjust=settings.adjust,
+            only=settings.lines and [number - 1 for number in settings.lines],
+            capacity=capacity,
+            timed=timed,
+        )
     return route_plan(
         plan,
         vehicle,
@@ -257,9 +299,10 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
         f"{site.name}: {count(routed.photographs, 'photograph')}, {format_length(routed.length_m)}, "
         f"{format_seconds(routed.time_s)} from take-off to landing"
     )
-    shots = [shot for each in routed.flights for shot in each.mission.shots]
-    first = shots[0].plot
-    near = sum(shot.plot == first for shot in routed.flights[0].mission.shots)
+    shots = [stop for each in routed.flights for stop in each.mission.stops if not isinstance(stop, Via)]
+    of = [shot.plot if isinstance(shot, Shot) else shot.name for shot in shots]
+    first = of[0]
+    near = next((k for k, name in enumerate(of) if name != first), len(of))
     figure = draw_mission(
         title,
         routed.legs(),
@@ -269,8 +312,8 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
         outlines,
         near=near,
         near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
-        stations=[str(station_number(shot.station)) for shot in shots],
-        plots=[shot.plot for shot in shots],
+        stations=[str(station_number(shot.station)) for shot in shots if isinstance(shot, Shot)],
+        plots=of,
         home=np.zeros(2),
     )
     return png(figure)

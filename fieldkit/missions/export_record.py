@@ -21,7 +21,7 @@ from fieldkit.results.mission import (
     MissionVehicle,
 )
 from fieldkit.results.plan import station_number
-from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot
+from fieldkit.routing.mission import GeoPoint, Home, Mission, Passing, Shot
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
@@ -65,6 +65,7 @@ def mission_record(
         outside=mission.fence.outside,
         ceiling_m=mission.fence.ceiling_m,
         rally=mission.rally,
+        passes=routed.passes,
         files=tuple(
             FileEntry(name=name, bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
             for name, data in contents.items()
@@ -119,8 +120,10 @@ def geojson_bytes(mission: Mission) -> bytes:
         if isinstance(stop, Shot):
             own |= {"plot": stop.plot, "station": station_number(stop.station)}
             own |= {"yaw_deg": stop.yaw_deg, "pitch_deg": stop.pitch_deg}
-        kind = "station" if isinstance(stop, Shot) else "via"
-        features.append(_feature("Point", _lonlat(stop.place), kind=kind, **own))
+        if isinstance(stop, Passing):
+            own |= {"line": station_number(stop.line), "yaw_deg": stop.yaw_deg, "pitch_deg": stop.pitch_deg}
+            own |= {"plots": list(stop.plots), "time_s": stop.time_s}
+        features.append(_feature("Point", _lonlat(stop.place), kind=stop.kind, **own))
     way: list[GeoPoint | Home] = [mission.home, *(stop.place for stop in mission.stops), mission.landing]
     features.append(_feature("LineString", [_lonlat(place) for place in way], kind="way"))
     for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):

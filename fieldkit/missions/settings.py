@@ -18,6 +18,8 @@ class MissionSettings:
     .csv), else plan."""
     only: Sequence[str] | None = None
     """Fly these plots; the others stay obstacles. Without: all."""
+    lines: Sequence[int] | None = None
+    """Fly these lines of a pattern, as numbered from 1. Without: all."""
     plant_height: float | Literal["unknown"] | None = None
     """Height of the highest plants of all plots; or "unknown", where plots do not say theirs, for 30 % more than the
     plan's. Without: plant_height_m of the plots."""

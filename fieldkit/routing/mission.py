@@ -58,7 +58,9 @@ class Mission:
     burst: int = 1
     """Photographs at each station."""
     spacing_m: float = 0.0
-    """From photograph to photograph in passing, along the ground."""
+    """From photograph to photograph in passing, along the ground; 0 where it goes by time."""
+    every_s: float = 0.0
+    """The same in time; 0 where it goes by distance."""
 
     @property
     def interval_s(self) -> float:

@@ -31,6 +31,12 @@ class Line:
     """(n, 3) places of the camera in the order they are flown, x east, y north, z above the ground."""
 
     @property
+    def ends_m(self) -> FloatArray:
+        """(2, 3) first place, and half a spacing behind the last one, so that its photograph is not lost."""
+        first, last = self.stations_m[0], self.stations_m[-1]
+        return np.array([first, last + 0.5 * (last - self.stations_m[-2]) if len(self.stations_m) > 1 else last])
+
+    @property
     def reversed(self) -> Line:
         """The same, flown the other way."""
         return Line(self.yaw_deg, self.pitch_deg, self.stations_m[::-1])
@@ -158,7 +164,7 @@ def pass_flights(
         home_m: (2,) of take-off and landing; below the first photograph where it is not given.
         most_lines: of one flight.
     """
-    starts, ends = (np.array([line.stations_m[k] for line in lines]) for k in (0, -1))
+    starts, ends = np.array([line.ends_m for line in lines]).transpose(1, 0, 2)
     home = starts[0, :2] if home_m is None else np.asarray(home_m, dtype=np.float64)
     speeds = vehicle.speeds.model_copy(update={"cruise_mps": speed_mps})
     out_s, back_s = (
@@ -199,10 +205,14 @@ def _whole(seconds: float, vehicle: Vehicle) -> float:
     return math.ceil(seconds) if vehicle.dialect == "ardupilot" else seconds
 
 
+def _steps(lines: Sequence[Line]) -> FloatArray:
+    """(2 n − 1, 3) of lines, and of the ways between them, in turns."""
+    return np.diff(np.concatenate([line.ends_m for line in lines]), axis=0)
+
+
 def _ways(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> list[motion.Leg]:
     """Lines, and the ways between them, in turns."""
-    places = np.array([line.stations_m[k] for line in lines for k in (0, -1)])
-    steps = np.diff(places, axis=0)
+    steps = _steps(lines)
     level = np.hypot(steps[:, 0], steps[:, 1]).tolist()
     return [motion.leg(a, b, vehicle.speeds, speed_mps) for a, b in zip(level, steps[:, 2].tolist(), strict=True)]
 
@@ -212,8 +222,7 @@ def _seconds(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> tuple
     ways = _ways(lines, vehicle, speed_mps)
     waits = _waits(lines, ways[1::2], vehicle)
     if vehicle.dialect == "ardupilot":
-        steps = np.diff([line.stations_m[k] for line in lines for k in (0, -1)], axis=0).tolist()
-        for k, (before, after) in enumerate(pairwise(steps)):
+        for k, (before, after) in enumerate(pairwise(_steps(lines).tolist())):
             if k % 2 == 0 or waits[k // 2] == 0.0:
                 turn_cos = motion.turn_cosine(before, after)
                 ways[k : k + 2] = motion.corner(ways[k], ways[k + 1], turn_cos, vehicle.acceptance_m)

@@ -111,7 +111,7 @@ def fit_report(
     plans, findings = flown_plans(plan, site.plots, fit), list[Finding]()
     for plot, facts in facts_of(plans, site):
         if facts is None:
-            findings += _plants(facts, plot)
+            findings += plants_known(facts, plot)
         else:
             findings += fit_plot(facts, plot)
             findings += other_camera(facts.plan, plot, vehicle)
@@ -167,7 +167,7 @@ def _crowding(
 
 def fit_plot(facts: PlanFacts, plot: SitePlot) -> tuple[Finding, ...]:
     """What does not fit of a plan on a plot, or is worth knowing; without the vehicle's limits but its clearance."""
-    parts = (_plants(facts, plot), _size(facts, plot), _spacing(facts, plot), _slope(plot))
+    parts = (plants_known(facts, plot), _size(facts, plot), _spacing(facts, plot), _slope(plot))
     return tuple(finding for part in parts for finding in part)
 
 
@@ -218,7 +218,8 @@ def plants_outgrown(plan: Plan, plant_height_m: float) -> Finding | None:
     )
 
 
-def _plants(facts: PlanFacts | None, plot: SitePlot) -> Iterator[Finding]:
+def plants_known(facts: PlanFacts | None, plot: SitePlot) -> Iterator[Finding]:
+    """What is not known of a plot's plants, or is otherwise than the plan's."""
     height, plants = plot.plant_height_m, plants_on(facts, plot)
     top = None if facts is None else facts.top_m
     if height is None:

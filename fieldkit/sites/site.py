@@ -269,6 +269,12 @@ class Site(Strict):
         latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in plots] for key in ("latitude", "longitude"))
         return LocalFrame(self.home.latitude_deg, self.home.longitude_deg).to_local(latitudes, longitudes, 0.0)
 
+    @property
+    def outlines(self) -> dict[str, shapely.Polygon]:
+        """By plot, also of neighbours: its rectangle, metres east and north of home."""
+        plots = self.all_plots
+        return dict(zip((plot.name for plot in plots), self._outlines(plots), strict=True))
+
     def _outlines(self, plots: Sequence[SitePlot]) -> list[shapely.Polygon]:
         return [_outline(plot, (x, y)) for plot, (x, y, _) in zip(plots, self._origins(plots).tolist(), strict=True)]
 

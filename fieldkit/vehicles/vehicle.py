@@ -69,6 +69,8 @@ class Trigger(Strict):
     """Shortest time from one photograph to the next."""
     shutter_s: Positive = 0.001
     """For how long light falls in where photographs are taken in passing."""
+    passing: Literal["distance", "time", "never"] = "distance"
+    """What releases the shutter in passing; "never": the vehicle stops for every photograph."""
 
 
 class Speeds(Strict):

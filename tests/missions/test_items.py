@@ -56,7 +56,7 @@ def test_the_measured_mission_may_be_written(entry: dict[str, object]) -> None:
         (action(Command.DO_GIMBAL_MANAGER_PITCHYAW, -21.8), "fraction of its angles"),
         (action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2), "UNSUPPORTED"),
         (action(Command.IMAGE_START_CAPTURE, 0, 0, 1, math.nan), "INVALID_PARAM4"),
-        (action(Command.IMAGE_START_CAPTURE, 0, 1, 0, 0), "one photograph"),
+        (action(Command.IMAGE_START_CAPTURE, 0, 0, 0, 0), "one photograph"),
         (action(Command.DO_DIGICAM_CONTROL), "parameter 5 = 1"),
     ],
 )

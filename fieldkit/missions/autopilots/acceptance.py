@@ -335,7 +335,7 @@ def _place_problem(item: MissionItem, *, home: bool) -> str | None:
 
 _ABOVE_0 = math.ulp(0.0)
 _A_GIMBAL = "a gimbal cannot turn {:g}° about this axis"
-_ONE = "it must take one photograph"
+_ONE = "it must take one photograph, or those of a line at intervals"
 
 # By command: a parameter's index, its least and highest value, and what is wrong with another one. NaN is another one.
 _LIMITS: Mapping[int, tuple[tuple[int, float, float, str], ...]] = {
@@ -355,7 +355,7 @@ _LIMITS: Mapping[int, tuple[tuple[int, float, float, str], ...]] = {
     Command.DO_GIMBAL_MANAGER_PITCHYAW: ((0, -90.0, 90.0, _A_GIMBAL), (1, -180.0, 360.0, _A_GIMBAL)),
     Command.IMAGE_START_CAPTURE: (
         (1, 0.0, math.inf, _ONE),
-        (2, 1.0, 1.0, _ONE),
+        (2, 0.0, 1.0, _ONE),
         (3, -math.inf, math.inf, "its fourth parameter must be a number"),
     ),
     Command.DO_DIGICAM_CONTROL: ((4, 1.0, 1.0, "it shoots only with parameter 5 = 1"),),
@@ -367,7 +367,9 @@ def _value_problem(item: MissionItem) -> str | None:
     for index, low, high, words in _LIMITS.get(item.command, ()):
         if not low <= item.params[index] <= high:
             return words.format(item.params[index])
-    yaw = item.params[3]
+    every_s, number, yaw = item.params[1:4]
+    if item.command == Command.IMAGE_START_CAPTURE and number == 0.0 and not every_s > 0.0:
+        return _ONE
     if item.command == Command.NAV_WAYPOINT and not math.isnan(yaw) and not -180.0 <= yaw <= 360.0:
         return f"a yaw of {yaw:g}° is no heading"
     return None

@@ -18,14 +18,16 @@ reject a mission that takes off to less than NAV_ACC_RAD + 1 m (3 m on multicopt
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.autopilots.acceptance import check_items
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.routing.mission import GeoPoint, Mission, Shot
+from fieldkit.routing.mission import GeoPoint, Mission, Passing, Shot, Via
 from fieldkit.routing.motion import leg, turn_seconds
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -48,16 +50,20 @@ def render(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
         raise MissionError(
             f"{vehicle.title} takes no mission items", remedy="Export with --format wpml or --format litchi."
         )
-    begin, waypoint, photograph, yaw = _DIALECTS[vehicle.dialect]
+    begin, waypoint, photograph, on_line, yaw = _DIALECTS[vehicle.dialect]
     items, station = begin(mission, vehicle), 0
-    for stop, turning in zip(mission.stops, unfinished_turns(mission, vehicle), strict=True):
-        if isinstance(stop, Shot):
-            check_shot(stop, vehicle)
-            found = photograph(stop, mission, vehicle, turning)
+    points = waypoints(mission)
+    for point, turning in zip(points, unfinished_turns(points, mission, vehicle), strict=True):
+        if point.part is not None:
+            check_pose(point, vehicle)
+            items += on_line(point, mission, vehicle, turning)
+        elif point.shot is not None:
+            check_pose(point.shot, vehicle)
+            found = photograph(point.shot, mission, vehicle, turning)
             items += [replace(item, station=station) for item in found]
             station += 1
         else:
-            items.append(waypoint(stop.place, vehicle))
+            items.append(waypoint(point.place, vehicle))
     items.append(waypoint(mission.landing, vehicle))
     items.append(position(Command.NAV_LAND, replace(mission.landing, height_m=0.0), (0.0, 0.0, 0.0, yaw)))
     check_items(items, vehicle.dialect, [shot.name for shot in mission.shots])
@@ -95,6 +101,34 @@ def _ardupilot_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, turnin
     ]
 
 
+def _ardupilot_on_line(point: RoutePoint, mission: Mission, vehicle: Vehicle, turning_s: float) -> list[MissionItem]:
+    """The heading is commanded anew at every waypoint, behind which the autopilot turns the vehicle by itself.
+
+    Waypoints without a hold are passed. What stands behind one is carried out as it is reached.
+    """
+    yaw = action(Command.CONDITION_YAW, heading(point.yaw_deg))
+    hold = math.ceil(turning_s - 1e-9) if point.part == "first" else 0
+    place = _ardupilot_waypoint(point.place, vehicle, hold)
+    if point.part == "last":
+        return [place, _cease(mission)]
+    if point.part == "inner":
+        return [place, yaw]
+    mount = action(Command.DO_MOUNT_CONTROL, round(point.pitch_deg, 3), p7=_TARGETING)
+    return [*([] if vehicle.mount.kind == "fixed" else [mount]), yaw, place, yaw, _repeat(mission)]
+
+
+def _repeat(mission: Mission) -> MissionItem:
+    """Photographs from here on, the first one at once."""
+    if mission.every_s > 0.0:
+        return action(Command.IMAGE_START_CAPTURE, 0.0, round(mission.every_s, 3))
+    return action(Command.DO_SET_CAM_TRIGG_DIST, round(mission.spacing_m, 3), 0.0, 1.0)
+
+
+def _cease(mission: Mission) -> MissionItem:
+    """No more of them."""
+    return action(Command.IMAGE_STOP_CAPTURE if mission.every_s > 0.0 else Command.DO_SET_CAM_TRIGG_DIST)
+
+
 def _photographs(shutter: MissionItem, mission: Mission) -> list[MissionItem]:
     """The shutter's item with a delay behind it, once for each photograph of a burst.
 
@@ -122,7 +156,7 @@ def _ardupilot_waypoint(place: GeoPoint, _vehicle: Vehicle, hold_s: int = LEAST_
 
 def _px4_begin(mission: Mission, vehicle: Vehicle) -> list[MissionItem]:
     """PX4 has no home item."""
-    if vehicle.trigger.command != "image_start_capture":
+    if vehicle.trigger.command != "image_start_capture" and not mission.spacing_m:
         raise MissionError(
             f"{vehicle.title}: PX4 need not act on the trigger {vehicle.trigger.command!r}",
             remedy='Set the profile\'s trigger to "image_start_capture".',
@@ -135,29 +169,50 @@ def _px4_begin(mission: Mission, vehicle: Vehicle) -> list[MissionItem]:
     return items
 
 
+def _px4_turn(pitch_deg: float, vehicle: Vehicle) -> list[MissionItem]:
+    if vehicle.mount.kind == "fixed":
+        return []
+    return [action(Command.DO_GIMBAL_MANAGER_PITCHYAW, round(pitch_deg, 3), 0.0, _NAN, _NAN, p5=_LEVEL)]
+
+
 def _px4_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, _turning_s: float) -> list[MissionItem]:
-    turn = action(Command.DO_GIMBAL_MANAGER_PITCHYAW, round(shot.pitch_deg, 3), 0.0, _NAN, _NAN, p5=_LEVEL)
     return [
-        *([] if vehicle.mount.kind == "fixed" else [turn]),
+        *_px4_turn(shot.pitch_deg, vehicle),
         _px4_waypoint(shot.place, vehicle, heading(shot.yaw_deg)),
         *([delay(mission.settle_s)] if mission.settle_s >= 0.001 else []),  # files hold milliseconds; of 0 it is none
         *_photographs(action(Command.IMAGE_START_CAPTURE, 0.0, 0.0, 1.0), mission),
     ]
 
 
-def _px4_waypoint(place: GeoPoint, vehicle: Vehicle, yaw_deg: float = _NAN) -> MissionItem:
+def _px4_on_line(point: RoutePoint, mission: Mission, vehicle: Vehicle, _turning_s: float) -> list[MissionItem]:
+    place = _px4_waypoint(point.place, vehicle, heading(point.yaw_deg), hold_s=0.0)
+    if point.part == "first":
+        return [*_px4_turn(point.pitch_deg, vehicle), place, _repeat(mission)]
+    return [place, _cease(mission)] if point.part == "last" else [place]
+
+
+def _px4_waypoint(place: GeoPoint, vehicle: Vehicle, yaw_deg: float = _NAN, hold_s: float = _HOLD_S) -> MissionItem:
     # A hold brings the vehicle to rest also at places on the way, so that legs stay straight.
-    return position(Command.NAV_WAYPOINT, place, (_HOLD_S, vehicle.acceptance_m, 0.0, yaw_deg))
+    return position(Command.NAV_WAYPOINT, place, (hold_s, vehicle.acceptance_m, 0.0, yaw_deg))
 
 
-# How a mission begins, a place that is flown through, a photograph, and the heading of a landing.
-_DIALECTS = {
-    "ardupilot": (_ardupilot_begin, _ardupilot_waypoint, _ardupilot_photograph, 0.0),
-    "px4": (_px4_begin, _px4_waypoint, _px4_photograph, _NAN),
+# How a mission begins, a place that is flown through, a photograph, a place on a line, and the heading of a landing.
+_DIALECTS: Mapping[
+    str,
+    tuple[
+        Callable[[Mission, Vehicle], list[MissionItem]],
+        Callable[[GeoPoint, Vehicle], MissionItem],
+        Callable[[Shot, Mission, Vehicle, float], list[MissionItem]],
+        Callable[[RoutePoint, Mission, Vehicle, float], list[MissionItem]],
+        float,
+    ],
+] = {
+    "ardupilot": (_ardupilot_begin, _ardupilot_waypoint, _ardupilot_photograph, _ardupilot_on_line, 0.0),
+    "px4": (_px4_begin, _px4_waypoint, _px4_photograph, _px4_on_line, _NAN),
 }
 
 
-def check_shot(shot: Shot, vehicle: Vehicle) -> None:
+def check_pose(shot: Shot | RoutePoint, vehicle: Vehicle) -> None:
     """Refuse a photograph to whose heading and pitch the vehicle cannot turn.
 
     A mission does not say how high the ground below a photograph is: `fieldkit.sites.reach` checks the
@@ -201,62 +256,88 @@ def heading(yaw_deg: float) -> float:
     return round(yaw_deg % 360.0, 3) % 360.0
 
 
-def unfinished_turns(mission: Mission, vehicle: Vehicle) -> list[float]:
-    """By stop: seconds that the vehicle still turns after it has arrived, where the leg is shorter than the turn.
-
-    The turn to a photograph begins when the stop before it is left. The heading after take-off is not known: half a
-    turn is allowed for.
-    """
-    frame = LocalFrame(mission.home.latitude_deg, mission.home.longitude_deg)
-    before = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
-    yaw: float | None = None
-    left: list[float] = []
-    for stop in mission.stops:
-        ends = (before, stop.place)
-        a, b = (frame.to_local(p.latitude_deg, p.longitude_deg, p.height_m)[0] for p in ends)
-        wait = 0.0
-        if isinstance(stop, Shot):
-            way = leg(math.hypot(*(b - a)[:2]), float((b - a)[2]), vehicle.speeds, mission.speed_mps)
-            wait = max(0.0, turn_seconds(yaw, stop.yaw_deg, vehicle.speeds) - way.seconds)
-            yaw = stop.yaw_deg
-        left.append(wait)
-        before = stop.place
-    return left
-
-
 @dataclass(frozen=True)
 class RoutePoint:
     """A waypoint."""
 
     place: GeoPoint
-    yaw_deg: float  # heading, [0, 360)
-    pitch_deg: float  # of the gimbal
-    shot: Shot | None  # the photograph taken there
+    yaw_deg: float
+    """Heading, [0, 360)."""
+    pitch_deg: float
+    """Of the gimbal."""
+    shot: Shot | None
+    """The photograph taken there."""
+    part: Literal["first", "inner", "last"] | None = None
+    """Of a line on which photographs are taken in passing."""
+    name: str = ""
+    """Of the line."""
+
+
+def waypoints(mission: Mission) -> list[RoutePoint]:
+    """A mission's stops, of lines the first photograph and the places behind it that are none.
+
+    Where nothing is photographed, heading and pitch are 0.
+    """
+    points: list[RoutePoint] = []
+    line: Passing | None = None
+    for stop, after in zip(mission.stops, (*mission.stops[1:], None), strict=True):
+        if isinstance(stop, Shot):
+            line = None
+            points.append(RoutePoint(stop.place, stop.yaw_deg % 360.0, stop.pitch_deg, stop))
+        elif isinstance(stop, Via) and line is None:
+            points.append(RoutePoint(stop.place, 0.0, 0.0, None))
+        elif isinstance(stop, Via) or line is None or stop.line != line.line:
+            line, first = (line, False) if isinstance(stop, Via) else (stop, True)
+            assert line is not None
+            goes_on = first or (isinstance(after, Passing) and after.line == line.line)
+            part: Literal["first", "inner", "last"] = "first" if first else "inner" if goes_on else "last"
+            points.append(RoutePoint(stop.place, line.yaw_deg % 360.0, line.pitch_deg, None, part, line.name))
+    return points
+
+
+def unfinished_turns(points: Sequence[RoutePoint], mission: Mission, vehicle: Vehicle) -> list[float]:
+    """By waypoint: seconds that the vehicle still turns after it has arrived, where the leg is shorter than the turn.
+
+    The turn to a photograph or line begins when the stop before it is left. The heading after take-off is not known:
+    half a turn is allowed for.
+    """
+    frame = LocalFrame(mission.home.latitude_deg, mission.home.longitude_deg)
+    before = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
+    yaw: float | None = None
+    left: list[float] = []
+    for point in points:
+        ends = (before, point.place)
+        a, b = (frame.to_local(p.latitude_deg, p.longitude_deg, p.height_m)[0] for p in ends)
+        wait = 0.0
+        if point.shot is not None or point.part == "first":
+            way = leg(math.hypot(*(b - a)[:2]), float((b - a)[2]), vehicle.speeds, mission.speed_mps)
+            wait = max(0.0, turn_seconds(yaw, point.yaw_deg, vehicle.speeds) - way.seconds)
+            yaw = point.yaw_deg
+        left.append(wait)
+        before = point.place
+    return left
 
 
 def route_points(mission: Mission, vehicle: Vehicle, form: str) -> list[RoutePoint]:
     """Every place that is flown to: above home at take-off height, the stops, above the landing place.
 
-    Where nothing is photographed, heading and pitch are already those of the next photograph. ``form`` is the
+    Where nothing is photographed, heading and pitch are already those of the next photograph or line. ``form`` is the
     format, whose app takes so many waypoints.
     """
     home = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
-    places = [home, *(stop.place for stop in mission.stops), mission.landing]
-    shots = [None, *(stop if isinstance(stop, Shot) else None for stop in mission.stops), None]
-    if len(places) > (most := MOST_WAYPOINTS[form]):
+    nothing = (0.0, 0.0, None)
+    points = [RoutePoint(home, *nothing), *waypoints(mission), RoutePoint(mission.landing, *nothing)]
+    if len(points) > (most := MOST_WAYPOINTS[form]):
         raise MissionError(
-            f"the mission has {len(places)} waypoints; {APPS[form]} takes at most {most}",
+            f"the mission has {len(points)} waypoints; {APPS[form]} takes at most {most}",
             remedy="Fly fewer plots at once.",
         )
-    taken = [shot for shot in shots if shot is not None]
-    for shot in taken:
-        check_shot(shot, vehicle)
-    points: list[RoutePoint] = []
-    pose = (0.0, vehicle.mount.pitch_deg[1])
-    if taken:
-        pose = (taken[-1].yaw_deg % 360.0, taken[-1].pitch_deg)
-    for place, here in zip(reversed(places), reversed(shots), strict=True):
-        if here is not None:
-            pose = (here.yaw_deg % 360.0, here.pitch_deg)
-        points.append(RoutePoint(place, *pose, here))
-    return points[::-1]
+    posed = [point for point in points if point.shot is not None or point.part is not None]
+    for point in posed:
+        check_pose(point.shot or point, vehicle)
+    pose = (posed[-1].yaw_deg, posed[-1].pitch_deg) if posed else (0.0, vehicle.mount.pitch_deg[1])
+    for k, point in reversed(list(enumerate(points))):
+        if point.shot is not None or point.part is not None:
+            pose = (point.yaw_deg, point.pitch_deg)
+        points[k] = replace(point, yaw_deg=pose[0], pitch_deg=pose[1])
+    return points

@@ -72,7 +72,7 @@ def _row(mission: Mission, point: RoutePoint) -> str:
         between = [(_PHOTO, 0), (_STAY, interval)] * (mission.burst - 1)
         actions = [(_STAY, settle), *between, (_PHOTO, 0), (_STAY, exposure)]
     actions += [(_NONE, 0)] * (_ACTIONS - len(actions))
-    place = point.place
+    place, on_line = point.place, point.part in ("first", "inner")
     return ",".join(
         [
             f"{place.latitude_deg:.9f}",
@@ -90,8 +90,8 @@ def _row(mission: Mission, point: RoutePoint) -> str:
             "0",
             "0",
             "0",
-            "-1",
-            "-1",
+            f"{mission.every_s:.2f}" if on_line and mission.every_s else "-1",
+            f"{mission.spacing_m:.2f}" if on_line and mission.spacing_m else "-1",
         ]
     )
 

@@ -27,6 +27,9 @@ from fieldkit.vehicles.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _STAMP = (1980, 1, 1, 0, 0, 0)  # the earliest that zip can say: the same mission gives the same bytes at any time
+_STOP = "toPointAndStopWithDiscontinuityCurvature"
+_BEND_M = 0.2
+"""Distance to a place on a line, where the ground bends, within which the corner is cut, metres."""
 _LEAST_TAKEOFF_M = 1.2
 """Least takeOffSecurityHeight that DJI's apps take, metres (WPML documentation)."""
 
@@ -132,7 +135,7 @@ def _template_folder(mission: Mission, points: list[RoutePoint], actions: list[s
     body = _tags(templateType="waypoint", templateId=0, autoFlightSpeed=f"{mission.speed_mps:.2f}")
     body += _within("waylineCoordinateSysParam", _tags(coordinateMode="WGS84", heightMode="relativeToStartPoint"))
     body += _tags(
-        globalWaypointTurnMode="toPointAndStopWithDiscontinuityCurvature",
+        globalWaypointTurnMode=_STOP,
         globalUseStraightLine=1,
         gimbalPitchMode="usePointSetting",
         globalHeight=f"{points[0].place.height_m:.3f}",
@@ -155,10 +158,8 @@ def _wayline_folder(mission: Mission, points: list[RoutePoint], actions: list[st
             index=index, executeHeight=f"{point.place.height_m:.3f}", waypointSpeed=f"{mission.speed_mps:.2f}"
         )
         inner += _heading(point)
-        inner += _within(
-            "waypointTurnParam",
-            _tags(waypointTurnMode="toPointAndStopWithDiscontinuityCurvature", waypointTurnDampingDist=0),
-        )
+        turn = ("toPointAndPassWithContinuityCurvature", _BEND_M) if point.part == "inner" else (_STOP, 0)
+        inner += _within("waypointTurnParam", _tags(waypointTurnMode=turn[0], waypointTurnDampingDist=turn[1]))
         inner += _tags(useStraightLine=1) + actions[index]
         body += f"<Placemark>\n{inner}</Placemark>\n"
     return f"<Folder>\n{body}</Folder>\n"
@@ -186,21 +187,44 @@ def _all_actions(mission: Mission, points: list[RoutePoint], model: DjiModel) ->
     found: list[str] = []
     group, before = 0, 0.0
     for index, point in enumerate(points):
-        turn = wrapped_deg(point.yaw_deg - before)
-        found.append("" if point.shot is None else _actions(mission, index, group, point, turn, model.lens))
-        group += point.shot is not None
+        groups = _groups(mission, points, index, wrapped_deg(point.yaw_deg - before), model.lens)
+        found.append("".join(_group(group + k, index, *each) for k, each in enumerate(groups)))
+        group += len(groups)
         before = point.yaw_deg
     return found
 
 
-def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_deg: float, lens: str) -> str:
-    if point.shot is None:
-        return ""
-    suffix = re.sub(r"[^A-Za-z0-9_-]", "-", f"{point.shot.plot}_{station_number(point.shot.station)}")
+Step = tuple[str, str]
+"""An action's function and its values."""
+
+
+def _groups(
+    mission: Mission, points: list[RoutePoint], index: int, turn_deg: float, lens: str
+) -> list[tuple[int, str, list[Step]]]:
+    """Of a waypoint: to which one each group goes, what triggers it, and its steps."""
+    point = points[index]
+    if point.shot is not None:
+        suffix, steps = f"{point.shot.plot}_{station_number(point.shot.station)}", _turned(point, turn_deg)
+        steps.append(("hover", _tags(hoverTime=f"{max(mission.settle_s, LEAST_EXPOSURE_S):.1f}")))
+        for left in reversed(range(mission.burst)):
+            name = suffix if mission.burst == 1 else f"{suffix}_{mission.burst - left}"
+            after_s = mission.interval_s if left else max(mission.exposure_s, LEAST_EXPOSURE_S)
+            steps += [_photo(name, lens), ("hover", _tags(hoverTime=f"{after_s:.1f}"))]
+        return [(index, _tags(actionTriggerType="reachPoint"), steps)]
+    if point.part != "first":
+        return []
+    last = next(k for k in range(index, len(points)) if points[k].part == "last")
+    kind, every = ("Timing", mission.every_s) if mission.every_s else ("Distance", mission.spacing_m)
+    trigger = _tags(actionTriggerType=f"multiple{kind}", actionTriggerParam=f"{every:.2f}")
+    turned = (index, _tags(actionTriggerType="reachPoint"), _turned(point, turn_deg))
+    return [turned, (last, trigger, [_photo(point.name, lens)])]
+
+
+def _turned(point: RoutePoint, turn_deg: float) -> list[Step]:
     # The waypoint's own heading is in whole degrees by the documentation, this one is not. It goes on the same way
     # round, so that a turn that is not over by then is not begun anew.
     way = "clockwise" if turn_deg >= 0.0 else "counterClockwise"
-    steps = [
+    return [
         ("rotateYaw", _tags(aircraftHeading=f"{wrapped_deg(point.yaw_deg):.2f}", aircraftPathMode=way)),
         (
             "gimbalRotate",
@@ -218,17 +242,19 @@ def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_d
                 payloadPositionIndex=0,
             ),
         ),
-        ("hover", _tags(hoverTime=f"{max(mission.settle_s, LEAST_EXPOSURE_S):.1f}")),
     ]
-    for left in reversed(range(mission.burst)):
-        name = suffix if mission.burst == 1 else f"{suffix}_{mission.burst - left}"
-        photo = _tags(payloadPositionIndex=0, fileSuffix=name, payloadLensIndex=lens, useGlobalPayloadLensIndex=0)
-        after_s = mission.interval_s if left else max(mission.exposure_s, LEAST_EXPOSURE_S)
-        steps += [("takePhoto", photo), ("hover", _tags(hoverTime=f"{after_s:.1f}"))]
-    body = _tags(
-        actionGroupId=group, actionGroupStartIndex=index, actionGroupEndIndex=index, actionGroupMode="sequence"
+
+
+def _photo(name: str, lens: str) -> Step:
+    suffix = re.sub(r"[^A-Za-z0-9_-]", "-", name)
+    return "takePhoto", _tags(
+        payloadPositionIndex=0, fileSuffix=suffix, payloadLensIndex=lens, useGlobalPayloadLensIndex=0
     )
-    body += _within("actionTrigger", _tags(actionTriggerType="reachPoint"))
+
+
+def _group(number: int, start: int, end: int, trigger: str, steps: Sequence[Step]) -> str:
+    body = _tags(actionGroupId=number, actionGroupStartIndex=start, actionGroupEndIndex=end, actionGroupMode="sequence")
+    body += _within("actionTrigger", trigger)
     for step_id, (function, values) in enumerate(steps):
         step = _tags(actionId=step_id, actionActuatorFunc=function) + _within("actionActuatorFuncParam", values)
         body += _within("action", step)

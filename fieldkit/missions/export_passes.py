@@ -1,0 +1,231 @@
+"""From a pattern, a vehicle and a site to flights: lines over the field, clear of everything, split by battery."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from fieldkit.arrays import FloatArray
+from fieldkit.errors import UsageError
+from fieldkit.missions.export import Routed, RoutedFlight, mission_over
+from fieldkit.results.finding import Finding, Refused
+from fieldkit.results.mission import GeoPoint, Home, MissionPasses, Passing, Shot, Via
+from fieldkit.results.pattern import Pattern
+from fieldkit.routing.flights import FileCapacity, Flight
+from fieldkit.routing.legs import leg_of
+from fieldkit.routing.motion import FlightTime, landing_s, takeoff_s
+from fieldkit.routing.obstacles import Obstacles
+from fieldkit.routing.passes import Line, PassFlight, fastest_mps, lines_over, pass_flights
+from fieldkit.sites.fit import plants_known
+from fieldkit.sites.placement import SiteFrame, ground_below, landing_of
+from fieldkit.sites.plot_plants import plants_on
+from fieldkit.sites.site import Site
+from fieldkit.sites.site_obstacles import Canopy, site_obstacles
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.wording import listed
+
+_TERRAIN_M = 0.2
+"""Height by which a line may be off the ground's shape, metres: less would take a waypoint for every ripple."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A line where it is flown, site frame."""
+
+    number: int
+    """Of all lines of the pattern, from 0."""
+    line: Line
+    """With heights above home."""
+    way_m: FloatArray
+    """(k, 3) its waypoints."""
+    ground_m: FloatArray
+    """(n,) heights above home of the ground below its photographs."""
+
+
+def passes_over(pattern: Pattern, site: Site, vehicle: Vehicle) -> MissionPasses:
+    """A pattern over the plots of a site that are flown: over their convex hull, by the direction of most rows."""
+    outlines = [site.outlines[plot.name] for plot in site.plots]
+    hull = shapely.union_all(outlines).convex_hull
+    corners = np.array(hull.exterior.coords)[:-1]
+    latitudes, longitudes, _ = SiteFrame(site.home).to_geodetic(np.column_stack([corners, np.zeros(len(corners))]))
+    rows, counts = np.unique([plot.row_heading_deg % 180.0 for plot in site.plots], return_counts=True)
+    ring = tuple((round(a, 9), round(b, 9)) for a, b in zip(latitudes.tolist(), longitudes.tolist(), strict=True))
+    return MissionPasses(
+        pattern=pattern, outline=ring, rows_deg=float(rows[counts.argmax()]), speed_mps=_speed(pattern, site, vehicle)
+    )
+
+
+def _speed(pattern: Pattern, site: Site, vehicle: Vehicle) -> float:
+    tallest_m = max((plot.plant_height_m or 0.0 for plot in site.plots), default=0.0)
+    return min(pattern.speed_mps, fastest_mps(pattern, vehicle, tallest_m))
+
+
+def route_passes(
+    passes: MissionPasses,
+    vehicle: Vehicle,
+    site: Site,
+    *,
+    adjust: bool = False,
+    only: Sequence[int] | None = None,
+    capacity: FileCapacity,
+    timed: Callable[[RoutedFlight], RoutedFlight],
+) -> Routed:
+    """Lay a pattern's lines over a field, and find the flights over them.
+
+    Places on Earth follow from the pattern, the outline and the direction of rows alone. Heights follow the ground.
+
+    Args:
+        adjust: take the nearest pitch where the vehicle cannot take a look's.
+        only: fly these lines, from 0.
+        capacity: of each flight's mission.
+        timed: gives a flight the time that its file takes.
+
+    Raises:
+        Refused: plants' heights are not known, a pitch is out of reach, or a leg meets what is kept clear of.
+    """
+    findings = [finding for plot in site.all_plots for finding in plants_known(None, plot)]
+    pattern, against = _within_reach(passes.pattern, vehicle, adjust=adjust)
+    passes = passes.model_copy(update={"pattern": pattern, "speed_mps": _speed(pattern, site, vehicle)})
+    findings += against
+    _require(findings)
+    placed = _placed(passes, site)
+    if only is not None:
+        if missing := sorted(set(only) - set(range(len(placed)))):
+            raise UsageError(
+                f"no such line: {listed([str(k + 1) for k in missing])}", remedy=f"Lines are 1 to {len(placed)}."
+            )
+        placed = [line for line in placed if line.number in only]
+    obstacles = site_obstacles(site, vehicle.clearance_m)
+    most = None
+    if capacity.most is not None:
+        most = max(1, (capacity.most - capacity.a_flight) // max(_counted(line, capacity) for line in placed))
+    planned_for = vehicle
+    while True:
+        parts = pass_flights([line.line for line in placed], planned_for, passes.speed_mps, (0.0, 0.0), most)
+        routed = [
+            timed(_flight([placed[k] for k in part.lines], part, number, len(parts), passes, site, vehicle))
+            for number, part in enumerate(parts, 1)
+        ]
+        over = max(each.flight.time.battery for each in routed)
+        if over <= 1.0 or all(len(part.lines) == 1 for part in parts):
+            break
+        less = {"endurance_s": planned_for.battery.endurance_s / (1.002 * over)}
+        planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
+    if over > 1.0:
+        findings.append(Finding("", "battery", "one line takes more than a battery", severity="error"))
+    ways = [np.array(each.flight.legs[0].points) for each in routed]
+    findings += [finding for way in ways for finding in _met(way, obstacles)]
+    _require(findings)
+    known = {plot.name: plants_on(None, plot) for plot in site.all_plots}
+    return Routed(
+        flights=tuple(routed),
+        moved=(),
+        lowest_m=min(float((line.line.stations_m[:, 2] - line.ground_m).min()) for line in placed),
+        plants_m=Canopy.of(site, None).nearest_m(ways),
+        plants_of={},
+        clear_m={name: None if plants is None else plants.clear_m for name, plants in known.items()},
+        fit=tuple(findings),
+        passes=passes,
+    )
+
+
+def _require(findings: Sequence[Finding]) -> None:
+    if any(finding.severity == "error" for finding in findings):
+        raise Refused(findings)
+
+
+def _within_reach(pattern: Pattern, vehicle: Vehicle, *, adjust: bool) -> tuple[Pattern, list[Finding]]:
+    looks, findings = list(pattern.looks), list[Finding]()
+    for k, look in enumerate(looks):
+        nearest = vehicle.mount.nearest_deg(look.pitch_deg)
+        if not vehicle.mount.reaches(look.pitch_deg):
+            looks[k] = replace(look, pitch_deg=nearest)
+            message = f"a pitch of {look.pitch_deg:.1f}° is beyond the mount ({vehicle.mount.range_text})"
+            remedy = f"Give --adjust to fly {nearest:g}°."
+            findings.append(
+                Finding("", "out-of-reach", message, severity="warning" if adjust else "error", remedy=remedy)
+            )
+    return replace(pattern, looks=tuple(looks)), findings
+
+
+def _placed(passes: MissionPasses, site: Site) -> list[_Placed]:
+    """All lines. They are laid about the outline's first corner, wherever home is."""
+    anchor, frame = SiteFrame(Home(*passes.outline[0])), SiteFrame(site.home)
+    field = shapely.Polygon(anchor.outline(passes.outline))
+    placed = []
+    for number, line in enumerate(lines_over(passes.pattern, field, passes.rows_deg)):
+        places = np.vstack([line.stations_m, line.ends_m[1:]])
+        latitudes, longitudes, _ = anchor.to_geodetic(places)
+        local = frame.to_local(latitudes, longitudes, 0.0)
+        grounds = ground_below(site, [GeoPoint(a, b, 0.0) for a, b in zip(latitudes, longitudes, strict=True)])
+        local[:, 2] = grounds + passes.pattern.height_m
+        along = np.linalg.norm(local[:, :2] - local[0, :2], axis=1)
+        bends = shapely.get_coordinates(shapely.LineString(np.column_stack([along, local[:, 2]])).simplify(_TERRAIN_M))
+        local[:, 2] = np.interp(along, *bends.T)
+        way = local[np.isin(along, bends[:, 0])]
+        placed.append(_Placed(number, replace(line, stations_m=local[:-1]), way, grounds[:-1]))
+    return placed
+
+
+def _counted(line: _Placed, capacity: FileCapacity) -> int:
+    """Of what the capacity counts, for a line at most: two items for a waypoint and three more, or waypoints."""
+    return len(line.way_m) if capacity.a_stop == 1 else 2 * len(line.way_m) + 3
+
+
+def _flight(
+    placed: Sequence[_Placed],
+    part: PassFlight,
+    number: int,
+    count: int,
+    passes: MissionPasses,
+    site: Site,
+    vehicle: Vehicle,
+) -> RoutedFlight:
+    frame, speeds = SiteFrame(site.home), vehicle.speeds
+    stops: list[Shot | Via | Passing] = []
+    for line in placed:
+        stations, way = frame.places(line.line.stations_m), frame.places(line.way_m)
+        along = np.linalg.norm(line.line.stations_m[:, :2] - line.way_m[0, :2], axis=1)
+        bends = np.linalg.norm(line.way_m[:, :2] - line.way_m[0, :2], axis=1)
+        for k, place in enumerate(stations):
+            stops += [Via(*_numbers(way[b])) for b in np.flatnonzero(bends[1:-1] == along[k]) + 1]
+            stops.append(Passing(*_numbers(place), line.number, line.line.yaw_deg, line.line.pitch_deg))
+        stops.append(Via(*_numbers(way[-1])))
+    first, last = placed[0].way_m[0], placed[-1].way_m[-1]
+    takeoff_m, end_m = max(site.takeoff_m, float(first[2])), max(site.transit_m, float(last[2]))
+    landing = np.array([*landing_of(site)[:2], end_m])
+    places = np.vstack([[0.0, 0.0, takeoff_m], *(line.way_m for line in placed), landing])
+    leg = leg_of(places, speeds)
+    upright = takeoff_s(takeoff_m, speeds), landing_s(end_m, speeds)
+    time = FlightTime(upright[0], part.seconds - sum(upright), 0.0, 0.0, upright[1], part.battery)
+    every_s = passes.pattern.along_m / passes.speed_mps
+    by_time = vehicle.trigger.passing == "time"
+    mission = replace(
+        mission_over(stops, landing, number, count, site, vehicle),
+        takeoff_m=takeoff_m,
+        speed_mps=passes.speed_mps,
+        spacing_m=0.0 if by_time else passes.pattern.along_m,
+        every_s=every_s if by_time else 0.0,
+    )
+    return RoutedFlight(mission, Flight((), (leg,), (), leg.length_m + takeoff_m + end_m, time))
+
+
+def _numbers(place: GeoPoint) -> tuple[float, float, float]:
+    """Of a place, as far as they mean something."""
+    return round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4)
+
+
+def _met(way: FloatArray, obstacles: Obstacles) -> list[Finding]:
+    """What a flight meets, from the ground to the ground."""
+    whole = np.vstack([way[:1] * (1.0, 1.0, 0.0), way, way[-1:] * (1.0, 1.0, 0.0)])
+    findings = []
+    for k in np.flatnonzero(obstacles.blocked(whole[:-1], whole[1:])).tolist():
+        for problem in obstacles.leg_problems(whole[k], whole[k + 1])[:1]:
+            remedy = "Fly higher: plan passes for this vehicle and these plants."
+            if problem.kind != "plants":
+                remedy = "Move home, correct the site file, or leave plots out (--only)."
+            findings.append(Finding("", "no-way", f"a line or turn {problem}", severity="error", remedy=remedy))
+    return findings

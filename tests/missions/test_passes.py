@@ -1,0 +1,134 @@
+"""Missions of passes: a pattern's lines over a field, written and read back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from fieldkit.errors import MissionError, UsageError
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.files.formats import read_mission
+from fieldkit.missions.items import Command
+from fieldkit.missions.settings import MissionSettings
+from fieldkit.results.mission import Home, load_mission
+from fieldkit.results.pattern import Look, Pattern
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import save_plan
+from fieldkit.sites.placement import SiteFrame
+from fieldkit.sites.site import Site, SitePlot
+
+PATTERN = Pattern((Look(0.0, -60.0), Look(180.0, -60.0)), 8.0, 2.1, 2.2)
+FORMS = [
+    ("ardupilot-pitch", "plan"),
+    ("px4-gimbal", "plan"),
+    ("dji-mavic-3-enterprise", "wpml"),
+    ("dji-mini-4-pro", "litchi"),
+]
+
+
+def field(ranges: int = 2, columns: int = 5, slope_percent: float = 0.0, height_m: float = 1.8) -> Site:
+    """Plots of 4 × 1.5 m with rows to the north, some 20 m north of home."""
+    home = Home(48.1, 11.5, 450.0)
+    places = np.array([(1.5 * c, 20.0 + 5.0 * r, 0.0) for r in range(ranges) for c in range(columns)])
+    latitudes, longitudes, _ = SiteFrame(home).to_geodetic(places)
+    plots = [
+        SitePlot(
+            name=f"{k + 1}",
+            latitude_deg=latitude,
+            longitude_deg=longitude,
+            height_m=0.01 * slope_percent * float(north - 20.0),
+            datum="home",
+            row_heading_deg=0.0,
+            slope_percent=slope_percent,
+            uphill_heading_deg=0.0,
+            length_m=4.0,
+            width_m=1.5,
+            plant_height_m=height_m,
+        )
+        for k, (latitude, longitude, north) in enumerate(
+            zip(latitudes.tolist(), longitudes.tolist(), places[:, 1].tolist(), strict=True)
+        )
+    ]
+    return Site(home=home, plots=tuple(plots))
+
+
+def exported(tmp_path: Path, site: Site, vehicle: str = "ardupilot-pitch", form: str = "plan", plan=None, **more):
+    plan = Plan(fieldkit="0", pattern=PATTERN) if plan is None else plan
+    done = export_mission(
+        plan, vehicle, site, tmp_path / "mission", MissionSettings(format=form, **more), picture=False, overwrite=True
+    )
+    return done, load_mission(tmp_path / "mission.json")
+
+
+@pytest.mark.parametrize(("vehicle", "form"), FORMS)
+def test_photographs_are_taken_on_lines_and_nowhere_else(tmp_path, vehicle, form):
+    done, record = exported(tmp_path, field(), vehicle, form)
+    lines = {shot.line for flight in record.flights for shot in flight.passings}
+    assert lines == set(range(len(lines)))
+    read = read_mission(done.files[0])
+    assert not read.refused
+    if not read.items:
+        assert sum(len(stop.before) for stop in read.stops) == len(lines)
+        return
+    starts = {Command.DO_SET_CAM_TRIGG_DIST: 0, Command.IMAGE_START_CAPTURE: 1}
+    on, switched = False, 0
+    for item in read.items:
+        if item.command in (*starts, Command.IMAGE_STOP_CAPTURE):
+            before, on = on, item.params[starts.get(item.command, 0)] > 0.0
+            assert on != before
+            switched += on
+        elif item.command == Command.NAV_LAND:
+            assert not on
+    assert switched == len(lines)
+
+
+def test_heights_follow_the_ground_in_few_waypoints(tmp_path):
+    site = field(ranges=6, slope_percent=8.0)
+    done, record = exported(tmp_path, site)
+    for shot in record.flights[0].passings:
+        north = SiteFrame(site.home).points([shot.place])[0, 1]
+        ground = 0.08 * (north - 20.0)
+        assert abs(north - 32.5) > 20.0 or shot.height_m - ground == pytest.approx(8.0, abs=0.25)
+    waypoints = [item for item in read_mission(done.files[0]).items if item.command == Command.NAV_WAYPOINT]
+    assert len(waypoints) < 5 * len({shot.line for shot in record.flights[0].passings})
+
+
+def test_the_same_lines_are_flown_again_from_anywhere(tmp_path):
+    _, first = exported(tmp_path / "first", field())
+    site = field()
+    elsewhere = site.model_copy(update={"home": Home(48.1003, 11.4998, 450.0), "plots": site.plots[:3]})
+    _, again = exported(tmp_path / "again", elsewhere, plan=tmp_path / "first" / "mission.json", lines=[2, 4])
+    assert again.passes == first.passes
+    assert {shot.line for shot in again.flights[0].passings} == {1, 3}
+    before = [shot for shot in first.flights[0].passings if shot.line in (1, 3)]
+    for a, b in zip(before, again.flights[0].passings, strict=True):
+        assert SiteFrame(site.home).points([a.place, b.place])[0, :2] == pytest.approx(
+            SiteFrame(site.home).points([b.place])[0, :2], abs=0.002
+        )
+    with pytest.raises(UsageError, match="no such line: 99"):
+        exported(tmp_path / "no", elsewhere, plan=tmp_path / "first" / "mission.json", lines=[99])
+
+
+def test_passes_too_low_over_plants_or_out_of_reach_are_refused(tmp_path):
+    with pytest.raises(MissionError, match="plants"):
+        exported(tmp_path, field(height_m=7.8))
+    flat = Plan(fieldkit="0", pattern=Pattern((Look(0.0, 40.0),), 8.0, 2.1, 2.2))
+    with pytest.raises(MissionError, match="beyond the mount"):
+        exported(tmp_path, field(), plan=flat)
+
+
+def test_flights_are_split_between_lines(tmp_path):
+    done, record = exported(tmp_path, field(8, 40))
+    assert len(record.flights) > 1
+    assert all(each.flight.time.battery <= 1.0 for each in done.routed.flights)
+    of_flights = [sorted({shot.line for shot in flight.passings}) for flight in record.flights]
+    assert [line for lines in of_flights for line in lines] == list(range(of_flights[-1][-1] + 1))
+    ring = shapely.Polygon(record.passes.outline)
+    assert ring.contains(shapely.Point(48.1003, 11.5002))
+
+
+def test_a_plan_of_a_pattern_is_read_from_its_file(tmp_path):
+    save_plan(tmp_path / "plan.json", Plan(fieldkit="0", pattern=PATTERN))
+    _, record = exported(tmp_path, field(), plan=tmp_path / "plan.json")
+    assert record.plots[0].plan.name == "plan.json"
