@@ -37,6 +37,8 @@ class _Placed:
 
     number: int
     """Of all lines of the pattern, from 0."""
+    first: int
+    """Number of its first photograph among those of all lines, from 0."""
     line: Line
     """With heights above home."""
     way_m: FloatArray
@@ -47,8 +49,7 @@ class _Placed:
 
 def passes_over(pattern: Pattern, site: Site, vehicle: Vehicle) -> MissionPasses:
     """A pattern over the plots of a site that are flown: over their convex hull, by the direction of most rows."""
-    outlines = [site.outlines[plot.name] for plot in site.plots]
-    hull = shapely.union_all(outlines).convex_hull
+    hull = shapely.union_all(list(_flown_outlines(site).values())).convex_hull
     corners = np.array(hull.exterior.coords)[:-1]
     latitudes, longitudes, _ = SiteFrame(site.home).to_geodetic(np.column_stack([corners, np.zeros(len(corners))]))
     rows, counts = np.unique([plot.row_heading_deg % 180.0 for plot in site.plots], return_counts=True)
@@ -56,6 +57,12 @@ def passes_over(pattern: Pattern, site: Site, vehicle: Vehicle) -> MissionPasses
     return MissionPasses(
         pattern=pattern, outline=ring, rows_deg=float(rows[counts.argmax()]), speed_mps=_speed(pattern, site, vehicle)
     )
+
+
+def _flown_outlines(site: Site) -> dict[str, shapely.Polygon]:
+    """By plot that is flown."""
+    outlines = site.outlines
+    return {plot.name: outlines[plot.name] for plot in site.plots}
 
 
 def _speed(pattern: Pattern, site: Site, vehicle: Vehicle) -> float:
@@ -101,7 +108,7 @@ def route_passes(
     obstacles = site_obstacles(site, vehicle.clearance_m)
     most = None
     if capacity.most is not None:
-        most = max(1, (capacity.most - capacity.a_flight) // max(_counted(line, capacity) for line in placed))
+        most = max(1, (capacity.most - capacity.a_flight) // max(_counted(line, capacity, vehicle) for line in placed))
     planned_for = vehicle
     while True:
         parts = pass_flights([line.line for line in placed], planned_for, passes.speed_mps, (0.0, 0.0), most)
@@ -155,7 +162,7 @@ def _placed(passes: MissionPasses, site: Site) -> list[_Placed]:
     """All lines. They are laid about the outline's first corner, wherever home is."""
     anchor, frame = SiteFrame(Home(*passes.outline[0])), SiteFrame(site.home)
     field = shapely.Polygon(anchor.outline(passes.outline))
-    placed = []
+    placed = list[_Placed]()
     for number, line in enumerate(lines_over(passes.pattern, field, passes.rows_deg)):
         places = np.vstack([line.stations_m, line.ends_m[1:]])
         latitudes, longitudes, _ = anchor.to_geodetic(places)
@@ -166,12 +173,15 @@ def _placed(passes: MissionPasses, site: Site) -> list[_Placed]:
         bends = shapely.get_coordinates(shapely.LineString(np.column_stack([along, local[:, 2]])).simplify(_TERRAIN_M))
         local[:, 2] = np.interp(along, *bends.T)
         way = local[np.isin(along, bends[:, 0])]
-        placed.append(_Placed(number, replace(line, stations_m=local[:-1]), way, grounds[:-1]))
+        first = placed[-1].first + len(placed[-1].ground_m) if placed else 0
+        placed.append(_Placed(number, first, replace(line, stations_m=local[:-1]), way, grounds[:-1]))
     return placed
 
 
-def _counted(line: _Placed, capacity: FileCapacity) -> int:
+def _counted(line: _Placed, capacity: FileCapacity, vehicle: Vehicle) -> int:
     """Of what the capacity counts, for a line at most: two items for a waypoint and three more, or waypoints."""
+    if vehicle.trigger.passing == "never":
+        return capacity.a_stop * len(line.ground_m)
     return len(line.way_m) if capacity.a_stop == 1 else 2 * len(line.way_m) + 3
 
 
@@ -184,16 +194,8 @@ def _flight(
     site: Site,
     vehicle: Vehicle,
 ) -> RoutedFlight:
-    frame, speeds = SiteFrame(site.home), vehicle.speeds
-    stops: list[Shot | Via | Passing] = []
-    for line in placed:
-        stations, way = frame.places(line.line.stations_m), frame.places(line.way_m)
-        along = np.linalg.norm(line.line.stations_m[:, :2] - line.way_m[0, :2], axis=1)
-        bends = np.linalg.norm(line.way_m[:, :2] - line.way_m[0, :2], axis=1)
-        for k, place in enumerate(stations):
-            stops += [Via(*_numbers(way[b])) for b in np.flatnonzero(bends[1:-1] == along[k]) + 1]
-            stops.append(Passing(*_numbers(place), line.number, line.line.yaw_deg, line.line.pitch_deg))
-        stops.append(Via(*_numbers(way[-1])))
+    speeds, never = vehicle.speeds, vehicle.trigger.passing == "never"
+    stops = [stop for line in placed for stop in (_stations if never else _passed)(line, site)]
     first, last = placed[0].way_m[0], placed[-1].way_m[-1]
     takeoff_m, end_m = max(site.takeoff_m, float(first[2])), max(site.transit_m, float(last[2]))
     landing = np.array([*landing_of(site)[:2], end_m])
@@ -211,6 +213,31 @@ def _flight(
         every_s=every_s if by_time else 0.0,
     )
     return RoutedFlight(mission, Flight((), (leg,), (), leg.length_m + takeoff_m + end_m, time))
+
+
+def _passed(line: _Placed, site: Site) -> list[Shot | Via | Passing]:
+    """A line's photographs, and its waypoints but the first."""
+    frame, of = SiteFrame(site.home), line.line
+    way = frame.places(line.way_m)
+    along, bends = (np.linalg.norm(p[:, :2] - line.way_m[0, :2], axis=1) for p in (of.stations_m, line.way_m))
+    stops: list[Shot | Via | Passing] = []
+    for k, place in enumerate(frame.places(of.stations_m)):
+        stops += [Via(*_numbers(way[b])) for b in np.flatnonzero(bends[1:-1] == along[k]) + 1]
+        stops.append(Passing(*_numbers(place), line.number, of.yaw_deg, of.pitch_deg))
+    return [*stops, Via(*_numbers(way[-1]))]
+
+
+def _stations(line: _Placed, site: Site) -> list[Shot | Via | Passing]:
+    """A line's photographs taken standing, each of the plot nearest to what it points at."""
+    frame, of, outlines = SiteFrame(site.home), line.line, _flown_outlines(site)
+    yaw, down = np.radians(of.yaw_deg), np.radians(-of.pitch_deg)
+    ahead = (of.stations_m[:, 2] - line.ground_m)[:, None] / np.tan(down) * (np.sin(yaw), np.cos(yaw))
+    nearest = shapely.STRtree(list(outlines.values())).nearest(shapely.points(of.stations_m[:, :2] + ahead))
+    plots = [list(outlines)[k] for k in nearest.tolist()]
+    return [
+        Shot.at(GeoPoint(*_numbers(place)), of.yaw_deg, of.pitch_deg, plot, line.first + k)
+        for k, (place, plot) in enumerate(zip(frame.places(of.stations_m), plots, strict=True))
+    ]
 
 
 def _numbers(place: GeoPoint) -> tuple[float, float, float]:

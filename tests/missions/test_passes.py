@@ -17,6 +17,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.site import Site, SitePlot
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 PATTERN = Pattern((Look(0.0, -60.0), Look(180.0, -60.0)), 8.0, 2.1, 2.2)
 FORMS = [
@@ -126,6 +127,18 @@ def test_flights_are_split_between_lines(tmp_path):
     assert [line for lines in of_flights for line in lines] == list(range(of_flights[-1][-1] + 1))
     ring = shapely.Polygon(record.passes.outline)
     assert ring.contains(shapely.Point(48.1003, 11.5002))
+
+
+def test_a_vehicle_that_cannot_shoot_in_passing_stops_for_every_photograph(tmp_path):
+    vehicle = load_vehicle("ardupilot-pitch")
+    trigger = vehicle.trigger.model_copy(update={"passing": "never"})
+    _, moving = exported(tmp_path, field())
+    done, record = exported(tmp_path, field(), vehicle.model_copy(update={"trigger": trigger}))
+    assert not any(flight.passings for flight in record.flights)
+    places = [shot.place for flight in record.flights for shot in flight.stations]
+    assert places == [shot.place for flight in moving.flights for shot in flight.passings]
+    assert record.flights[0].stations[0].plot == "1"
+    assert all(each.flight.time.battery <= 1.0 for each in done.routed.flights)
 
 
 def test_a_plan_of_a_pattern_is_read_from_its_file(tmp_path):

@@ -88,6 +88,8 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
         ],
     )
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *shown.view_blocks(anchor))
+    if not stations:
+        return Section(anchor, f"Mission: {mission.mission_file or flight.name}", blocks)
     blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
     return Section(anchor, f"Mission: {mission.mission_file or flight.name}", blocks)
 

@@ -26,6 +26,7 @@ from fieldkit.results.evaluation import (
     ReferenceReport,
 )
 from fieldkit.results.frame import CameraReport
+from fieldkit.results.mission import Passing, Shot
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import check_file
 from fieldkit.sites.placement import PlotFrame, SiteFrame
@@ -149,13 +150,16 @@ def mission_view(result: Loaded[FlownMission], _: Results) -> NotedView:
     """A mission's way, photographs and limits, in metres about home."""
     record, flight = result.report.record, result.report.flight
     frame = SiteFrame(record.home)
-    positions = frame.points(flight.stations)
+    shots: list[Shot | Passing] = [*flight.stations, *flight.passings]
     poses = [
         Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
-        for position, s in zip(positions, flight.stations, strict=True)
+        for position, s in zip(frame.points(shots), shots, strict=True)
     ]
-    numbers = [f"{station_number(s.station)}" for s in flight.stations]
-    labels = [f"{s.plot}, station {number}" for s, number in zip(flight.stations, numbers, strict=True)]
+    numbers = [f"{station_number(s.station)}" if isinstance(s, Shot) else "" for s in shots]
+    labels = [
+        f"{s.plot}, station {number}" if isinstance(s, Shot) else s.name
+        for s, number in zip(shots, numbers, strict=True)
+    ]
     lines = [LineLayer("Way", (frame.points(record.way(flight)).astype(np.float32),), _WAY)]
     for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):
         if rings:
