@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.trial_flights import FLIGHTS, Flight, fly
-from benchmarks.trial_surface import seen_by_two
+from benchmarks.trial_surface import Seen, seen_by_two
 from fieldkit.arrays import FloatArray
 from fieldkit.cache import StageCache
 from fieldkit.clouds.ply import read_cloud
@@ -159,9 +159,9 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
     for plot, seen in _surfaces(flight, report):
         path = flight.folder / SCORES / plot_file_name(plot.name, RESERVED) / CLOUD_FILE
         cloud = cKDTree(_in_scene(flight, plot, read_cloud(path).points) - common_m)
-        near.append(cloud.query(seen)[0] <= _WITHIN_M)
-        ground_m = float(np.median(ground_height(soil, *seen[:, :2].T)))
-        hidden_m.append(float(truth[plot.name]["height_m"]) - float(seen[:, 2].max()) + ground_m)
+        near.append(cloud.query(seen.surface)[0] <= _WITHIN_M)
+        ground_m = float(np.median(ground_height(soil, *seen.surface[:, :2].T)))
+        hidden_m.append(float(truth[plot.name]["height_m"]) - seen.top_m + ground_m)
     grounds_m = [_in_scene(flight, plot, np.zeros((1, 3)))[0] - common_m for plot in report.plots if plot.frame]
     own_s = [sum(time.cpu_s for time in plot.times) for plot in report.plots]
     assert report.flight is not None
@@ -185,7 +185,7 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
     )
 
 
-def _surfaces(flight: Flight, report: EvaluationReport) -> list[tuple[PlotEvaluation, FloatArray]]:
+def _surfaces(flight: Flight, report: EvaluationReport) -> list[tuple[PlotEvaluation, Seen]]:
     """The first plots that have traits, with `seen_by_two`."""
     plots = {plot.name: plot for plot in report.plots if plot.traits is not None}
     names = list(plots)[:_SURFACES]
