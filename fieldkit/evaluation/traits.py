@@ -277,7 +277,7 @@ def scale_doubt(sparse: SparseResult) -> float:
     Residuals are distances, so it is up to √3 times a standard error, which is per axis. That is on the safe side, and
     what the limits and the errors of traits were set by.
     """
-    centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
+    centers = sparse.centers if sparse.placed_by is None else sparse.placed_by
     if sparse.frame.rms_m is None or len(centers) < LEAST_POSITIONS:
         return 0.0
     return scale_error(centers, sparse.frame.rms_m, with_errors=False)

@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
@@ -76,6 +78,13 @@ class SparseResult:
     groups: Mapping[str, int]
     """Which group each photograph with a pose is in: no pair of them joins two groups."""
     weakest: WeakestMode | None = None
+    placed_by: FloatArray | None = None
+    """(n, 3) centres of all cameras that place and scale the frame, up to a motion, where these are some of them."""
+
+    @property
+    def centers(self) -> FloatArray:
+        """(n, 3) of the images that count."""
+        return np.array([pose.center for pose in self.poses.values()]).reshape(-1, 3)
 
     @property
     def registered(self) -> int:
@@ -107,6 +116,7 @@ class SparseResult:
             intrinsics=_only(self.intrinsics, names),
             groups=_only(self.groups, names),
             findings=tuple(f for f in self.findings if not f.left_out and f.subject not in others),
+            placed_by=self.centers if self.placed_by is None else self.placed_by,
         )
 
     def moved(self, motion: Similarity) -> SparseResult:

@@ -28,6 +28,8 @@ def test_the_doubt_goes_with_the_positions_errors_and_the_base() -> None:
     assert scale_doubt(replace(found, poses=wider)) == pytest.approx(0.01 / spread)
     assert scale_doubt(replace(found, frame=replace(found.frame, rms_m=None))) == 0.0
     assert scale_doubt(replace(found, poses=dict(list(found.poses.items())[:2]))) == 0.0
+    # A plot that three of a flight's photographs show has the scale of the flight.
+    assert scale_doubt(found.of(list(found.poses)[:3])) == scale_doubt(found)
 
 
 @pytest.mark.parametrize(("scale", "rms_m", "scaled"), [(1.01, 0.03, True), (1.01, 0.003, False), (1.01, None, False)])
