@@ -14,6 +14,7 @@ from fieldkit.arrays import BoolArray, Float32Array, FloatArray
 from fieldkit.clouds.canopy import with_room_m
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
+from fieldkit.planning.score.matchability import canopy_matches
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras, view_angles_deg
 from fieldkit.planning.space.plots import Plot
@@ -44,6 +45,9 @@ _NEIGHBORS = 24
 """Number of nearest points that can replace a missing one."""
 _COLUMN_M = 0.10
 """Side of the columns of plants, metres."""
+_CLOSED = 0.8
+"""Share of the columns of the plot and of the soil about it with plants, or other rows, from which a canopy is closed:
+plants that stand alone have half of it."""
 _MISSED_M = 0.05
 """Distance by which flights miss their stations and people plants' heights, metres."""
 
@@ -99,8 +103,9 @@ class GeometricScore:
 
     *Tie.* Matches fall with the angle between views, and the model of a set with weakly tied groups bends. From a
     recorded set's counted matches, else from those that prior mapping is expected to find, `camera_sigmas_m` says how
-    firmly each camera is held. Soil counts as squarely as it is seen, plants a tenth, and less where they sway. The
-    root mean square counts, not the worst, since all cameras make the cloud.
+    firmly each camera is held. Soil counts as squarely as it is seen, plants a tenth, and less where they sway; in a
+    closed canopy matches are those of `canopy_matches`. The root mean square counts, not the worst, since all cameras
+    make the cloud.
 
     *Sway.* Leaves move between photographs by wind and by the vehicle's wash (`swayed_m`), the more the higher a point
     stands. Views whose points are σ apart, root mean square, match 1 + (σ / tolerance)² times less; a depth's error has
@@ -126,6 +131,7 @@ class GeometricScore:
             _SWAYING * np.clip(points[:, 2] / self._plot.height_m, 0.0, 1.0)
             for points in (self.surface.points, np.where(self._soil[:, None], 0.0, self._free))
         )
+        self._canopy_m = self._plot.height_m if _is_closed(self._plot, *_soil(problem)) else None
         self._worth = _pair_worth()
         self._views = PerCamera(self._look)
         count = min(_NEIGHBORS, len(self.surface))
@@ -146,7 +152,9 @@ class GeometricScore:
         seen = matched[:, :, 3] * self._found
         matches = self.problem.counted_matches(cameras, self._plot)
         if matches is None:
-            matches = expected_matches(cameras.positions, self.problem.center, seen @ seen.T / self._matched)
+            both = seen if self._canopy_m is None else (matched[:, :, 3] > 0.0).astype(np.float64)
+            shared = both @ both.T / self._matched
+            matches = expected_matches(cameras.positions, self.problem.center, shared, self._canopy_m)
         variance = (ERROR_PX * matched[:, :, 4]) ** 2 + matched[:, :, 5]
         points, prior_m = self._free[: self._matched], max(self.problem.noise.pose_m, POSE_NOISE_M)
         sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
@@ -199,12 +207,25 @@ def _pair_worth() -> FloatArray:
 
 def _plot_points(problem: PlanningProblem, surface: Surface) -> FloatArray:
     """(t, 3) points of the ground up to 0.3 m beyond the plants, then points of these: what matches lie on."""
-    low, high = np.array(problem.envelope.target.lower), np.array(problem.envelope.target.upper)
-    places = (np.arange(_GRID) + 0.5) / _GRID
-    axes = [low[k] - _AROUND_M + places * (high[k] - low[k] + 2.0 * _AROUND_M) for k in (0, 1)]
-    ground = np.stack([*np.meshgrid(*axes, indexing="ij"), np.zeros((_GRID, _GRID))], axis=-1).reshape(-1, 3)
+    low, high = _soil(problem)
+    places = low + (np.arange(_GRID)[:, None] + 0.5) / _GRID * (high - low)
+    ground = np.stack([*np.meshgrid(*places.T, indexing="ij"), np.zeros((_GRID, _GRID))], axis=-1).reshape(-1, 3)
     every = max(1, len(surface) // _PICTURED)
     return np.vstack([ground, surface.points[::every]])
+
+
+def _soil(problem: PlanningProblem) -> tuple[FloatArray, FloatArray]:
+    """Corners (2,) of the soil up to 0.3 m beyond the plants."""
+    target = problem.envelope.target
+    return np.array(target.lower[:2]) - _AROUND_M, np.array(target.upper[:2]) + _AROUND_M
+
+
+def _is_closed(plot: Plot, low: FloatArray, high: FloatArray) -> bool:
+    """Whether plants, of this plot or others, stand nearly everywhere between two corners (2,)."""
+    places = np.floor((plot.points[:, :2] - low) / _COLUMN_M)
+    steps = np.ceil((high - low) / _COLUMN_M)
+    columns = np.unique(places[((places >= 0.0) & (places < steps)).all(axis=1)], axis=0)
+    return bool(len(columns) >= _CLOSED * steps.prod())
 
 
 def room_above(plants: FloatArray) -> FloatArray:
@@ -275,16 +296,20 @@ def _expected_distance(p, neighbors, distances, cap):  # type: ignore[no-untyped
     return expected
 
 
-def expected_matches(positions: FloatArray, center: FloatArray, shared: FloatArray) -> FloatArray:
+def expected_matches(
+    positions: FloatArray, center: FloatArray, shared: FloatArray, canopy_m: float | None = None
+) -> FloatArray:
     """(n, n) expected matches of each pair of views, symmetric, 0 on the diagonal.
 
     Matches at the pair's angle about the plot, times what their pictures share, times exp(−½ (o / 0.5)²) for o octaves
     between their distances: mapping takes no match beyond 0.75 (docs/mapping.md). ``shared`` (n, n) is the share that
-    each pair's pictures have in common.
+    each pair's pictures have in common, ``canopy_m`` the height of a closed canopy.
     """
     octave = np.log2(np.maximum(np.linalg.norm(positions - center, axis=1), 1e-9))
     scale = np.exp(-0.5 * ((octave[:, None] - octave[None]) / _OCTAVES) ** 2)
-    matches: FloatArray = _SQUARELY * np.exp(-view_angles_deg(positions, center) / _DECAY_DEG) * shared * scale
+    angles = view_angles_deg(positions, center)
+    alike = _SQUARELY * np.exp(-angles / _DECAY_DEG) if canopy_m is None else canopy_matches(angles, 1.0, canopy_m)
+    matches: FloatArray = alike * shared * scale
     np.fill_diagonal(matches, 0.0)
     return matches
 

@@ -199,3 +199,14 @@ def test_matches_fall_with_angle_overlap_and_scale() -> None:
     far = np.array(positions)
     far[1] = center + 2 * (far[1] - center)
     assert expected_matches(far, center, whole)[0, 1] < 0.2 * found[0, 1]
+
+
+def test_sets_are_looser_in_a_tall_closed_canopy() -> None:
+    """Neighbours all round hide the soil that ties views about plants that stand alone."""
+    places = np.stack(np.meshgrid(np.arange(-1.5, 1.5, 0.05), np.arange(-1.5, 1.5, 0.05)), axis=-1).reshape(-1, 2)
+    alone = PROBLEM.plots[0]
+    tall = replace(alone, reference=Cloud(alone.reference.points * (1.0, 1.0, 6.0), None, alone.reference.normals))
+    amid = replace(tall, obstacles=np.column_stack([places, np.full(len(places), 0.5)]))
+    cameras = around(np.arange(6) * 20.0, 3.0, 6.0)
+    loose, firm = (GeometricScore(PROBLEM, plot=plot, points=400).score(cameras).tie_m for plot in (amid, tall))
+    assert loose > 1.2 * firm

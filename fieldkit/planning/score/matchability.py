@@ -1,0 +1,50 @@
+"""Which photographs of a closed canopy tie each other.
+
+Soil between rows, in gaps and in alleys ties them, for leaves repeat and sway; the taller plants are, the less of it
+shows, and least where views differ. Fitted to 132 pairs of flights over rendered blocks at V6, V10 and R1, outdoors,
+straight down and 60° down from 8 m, by their true poses and by nothing but what lies within the block: amid a trial
+photographs show no bare field around it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ndtr
+
+from fieldkit.arrays import FloatArray
+from fieldkit.reconstruction.mapping.view_graph import EDGE_FACTOR, EDGE_MATCHES
+
+_MATCHES = 1300.0
+"""Of two photographs that see all alike from the same place, where plants are low."""
+_DECAY_DEG = 36.0
+"""Angle between views at which 1/e of these is left, degrees."""
+_DECAY_M = 1.8
+"""Height of plants at which 1/e of these is left, metres; it counts by its square."""
+_CHANCE = 30.0
+"""Matches of two photographs that show the same, but by a wrong relative pose."""
+_SPREAD = 0.4
+"""Standard deviation of the logarithm of a pair's matches."""
+
+
+def canopy_matches(angle_deg: ArrayLike, overlap: ArrayLike, height_m: ArrayLike) -> FloatArray:
+    """Expected matches of pairs of photographs, those by chance among them; arguments as for `ties`."""
+    decay = np.asarray(angle_deg) / _DECAY_DEG + (np.asarray(height_m) / _DECAY_M) ** 2
+    matches: FloatArray = (_MATCHES * np.exp(-decay) + _CHANCE) * np.asarray(overlap)
+    return matches
+
+
+def ties(angle_deg: ArrayLike, overlap: ArrayLike, height_m: ArrayLike) -> FloatArray:
+    """Probability that pairs of photographs tie each other, as mapping judges it (`is_edge`).
+
+    Arguments broadcast.
+
+    Args:
+        angle_deg: between the two lines of sight to the middle of the ground that both show.
+        overlap: share of the picture that both show, from 0 to 1.
+        height_m: of the plants' highest leaves above the ground.
+    """
+    least = np.maximum(EDGE_MATCHES, EDGE_FACTOR * _CHANCE * np.asarray(overlap))
+    matches = np.maximum(canopy_matches(angle_deg, overlap, height_m), 1e-9)
+    probability: FloatArray = ndtr(np.log(matches / least) / _SPREAD)
+    return probability
