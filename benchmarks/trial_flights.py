@@ -58,20 +58,18 @@ class Survey:
         return [pose for some in self.passes for pose in some.poses((-x, -y), (x, y), self.camera)]
 
 
-_FIVE_8 = (Passes(8.0, -90.0, 0.0, 0.8, 0.7), *four_directions(8.0, -60.0, 0.6, 0.6))
+_FIVE_8 = (Passes(8.0, -90.0, (0.0,), 0.8, 0.7), four_directions(8.0, -60.0, 0.6, 0.6))
 FLIGHTS: Mapping[str, Survey] = MappingProxyType(
     {
-        "nadir-12": Survey((Passes(12.0, -90.0, 0.0, 0.8, 0.8),)),
-        "nadir-8": Survey((Passes(8.0, -90.0, 0.0, 0.8, 0.8),)),
+        "nadir-12": Survey((Passes(12.0, -90.0, (0.0,), 0.8, 0.8),)),
+        "nadir-8": Survey((Passes(8.0, -90.0, (0.0,), 0.8, 0.8),)),
         "five-8": Survey(_FIVE_8),
         "five-8-still": Survey(_FIVE_8, wind_m=0.0),
         "five-8-gps": Survey(_FIVE_8, gnss_m=3.0),
-        "oblique-5": Survey(four_directions(5.0, -55.0, 0.7, 0.6)),
-        "oblique-2.5": Survey(
-            (Passes(2.5, -50.0, 0.0, 0.75, 0.5), Passes(2.5, -50.0, 180.0, 0.75, 0.5)), ranges=1, columns=2
-        ),
+        "oblique-5": Survey((four_directions(5.0, -55.0, 0.7, 0.6),)),
+        "oblique-2.5": Survey((Passes(2.5, -50.0, (0.0, 180.0), 0.75, 0.5),), ranges=1, columns=2),
         "40-plots": Survey(
-            (Passes(8.0, -90.0, 0.0, 0.85, 0.8), *four_directions(8.0, -60.0, 0.77, 0.75)),
+            (Passes(8.0, -90.0, (0.0,), 0.85, 0.8), four_directions(8.0, -60.0, 0.77, 0.75)),
             ranges=4,
             columns=10,
             camera=Intrinsics.pinhole(5472, 3648, 3650.0),

@@ -141,10 +141,10 @@ def survey_over(height_m: float, front: float, side: float, *, oblique: bool = F
 
     ``oblique``: four directions more, which overlap less.
     """
-    passes: tuple[Passes, ...] = (Passes(height_m, -90.0, 0.0, front, side),)
+    passes: tuple[Passes, ...] = (Passes(height_m, -90.0, (0.0,), front, side),)
     if oblique:
         overlap = (max(0.0, share - _OBLIQUE_LESS) for share in (front, side))
-        passes += four_directions(height_m, _OBLIQUE_DEG, *overlap)
+        passes += (four_directions(height_m, _OBLIQUE_DEG, *overlap),)
     return partial(_survey, passes=passes)
 
 
