@@ -19,7 +19,7 @@ from fieldkit.errors import FieldkitError, ReconstructionError, StorageError, Us
 from fieldkit.evaluation.adherence import NO_ADHERENCE, ComparedPlan, write_adherence
 from fieldkit.evaluation.cloud_reference import AnyReference, CloudReference
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
-from fieldkit.evaluation.plot_photo import PHOTO_FILE, plot_photo
+from fieldkit.evaluation.plot_photo import plot_photo
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_georeferenced, write_rasters
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits, scale_doubt
@@ -39,7 +39,7 @@ from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import outlines
 from fieldkit.reconstruction.steady import steady_capture
-from fieldkit.results.evaluation import CLOUD_FILE, CorrectionEntry, EvaluationReport, PlotEvaluation
+from fieldkit.results.evaluation import CLOUD_FILE, PHOTO_FILE, CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.results.fields import vector
 from fieldkit.results.finding import (
     COARSE_RASTERS,

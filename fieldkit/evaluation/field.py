@@ -23,9 +23,9 @@ from fieldkit.evaluation.rasters import (
 )
 from fieldkit.evaluation.utm import Grid, Projection
 from fieldkit.files import write_atomic
-from fieldkit.pictures.field import FIELD_PICTURE, field_picture
+from fieldkit.pictures.field import field_picture
 from fieldkit.reconstruction.result import SparseResult
-from fieldkit.results.evaluation import CLOUD_FILE, PlotEvaluation
+from fieldkit.results.evaluation import CLOUD_FILE, FIELD_PICTURE, PlotEvaluation
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
 
@@ -42,7 +42,7 @@ def write_field(
     results: Sequence[PlotEvaluation],
     wanted: Rasters,
     context: Context,
-) -> None:
+) -> Outline:
     """Write what a flight shows of a field into canopy-height.tif, surface.tif, orthophoto.tif and field.jpg.
 
     Of canopy-height.tif and surface.tif a plot's cells without plants are its ground, as in its traits; between plots
@@ -56,13 +56,16 @@ def write_field(
         results: of the plots.
         wanted: edge of cells and pixels.
         context: told of the stages.
+
+    Returns:
+        The corners of field.jpg, clockwise from the upper left, plot frame; none where nothing is written.
     """
     require_rasters(sparse.frame)
     frames = {result.name: result.frame for result in results if result.frame is not None}
     grounds = {name: frame.ground for name, frame in frames.items() if frame.ground is not None}
     if not grounds:
         context.progress.note("no rasters: no plot's ground is known")
-        return
+        return ()
     level = float(np.median([plane.above(np.array(outlines[name]))[0, 2] for name, plane in grounds.items()]))
     projection, shown = Projection(sparse.frame), [result.name for result in results if result.images > 1]
     plots = {name: projection.shape(shapely.Polygon(outlines[name]), level) for name in shown}
@@ -87,6 +90,9 @@ def write_field(
     write_orthophoto(folder, sparse, grid, projection, area, [*plots.values()], context)
     heights = {name: entry.height_m for name, entry in traits.items()}
     write_atomic(folder / FIELD_PICTURE, field_picture(folder / ORTHOPHOTO_FILE, plots, heights))
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (grid.columns, grid.rows) + (grid.left, grid.top)
+    utm = np.insert(corners * (grid.cell_m, -grid.cell_m), 2, level, axis=1)
+    return tuple((float(x), float(y)) for x, y, _ in projection.to_plot(utm))
 
 
 def _heights(

@@ -231,7 +231,8 @@ def evaluate_plots(
         rows = {plot.name: row_outlines(outlines[plot.name], plot, heading_deg) for plot, _ in plots}
         results = _evaluated(sparse, bare, outlines, rows, settings, folder.absolute(), context)
         if rasters is not None:
-            write_field(folder, sparse, outlines, results, rasters, context)
+            picture = write_field(folder, sparse, outlines, results, rasters, context)
+            flight = flight.model_copy(update={"picture": picture})
         return results, flight
 
 
@@ -413,7 +414,7 @@ def _evaluated(
             said = result.error.message if result.error is not None else count(result.points, "point")
             context.progress.note(f"{job.name}: {count(result.images, 'photograph')}, {said}")
             advance(1)
-    return [results[name] for name in outlines]
+    return [results[name].model_copy(update={"outline": corners}) for name, corners in outlines.items()]
 
 
 def _started(

@@ -10,7 +10,6 @@ from fieldkit.captures import read_image
 from fieldkit.clouds.canopy import Outline
 from fieldkit.reconstruction.result import Reconstruction
 
-PHOTO_FILE = "photo.jpg"
 _ROOM = 0.05
 """Width of what is shown about a plot, as a share of its size in the picture."""
 _MOST_PX = 1600

@@ -107,6 +107,26 @@ Cell: TypeAlias = str | Picture | Mark | Link | None
 
 
 @dataclass(frozen=True)
+class Card:
+    """A plot with its picture."""
+
+    name: Link
+    """It leads to what tells more."""
+    anchor: str
+    """For links; unique on the page."""
+    picture: Picture | None
+    lines: tuple[tuple[str, str], ...]
+    """Labels with their values."""
+
+
+@dataclass(frozen=True)
+class Cards:
+    """Plots side by side, as many as there is room for."""
+
+    items: tuple[Card, ...]
+
+
+@dataclass(frozen=True)
 class Column:
     """A column."""
 
@@ -233,6 +253,8 @@ class PlotMap:
     """By plot, the place on the page that it leads to."""
     identifier: str = "map"
     """Unique on the page."""
+    beneath: tuple[Picture, tuple[Corner, ...]] | None = None
+    """Of the plots from above, shown first: with its corners, clockwise from the upper left, in the plots' frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +361,7 @@ class Details:
     """For links, which unfold the blocks; unique on the page; empty for none."""
 
 
-Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | PlotMap | View3D | Details
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Cards | Charts | PlotMap | View3D | Details
 
 
 @dataclass(frozen=True)

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import shapely
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from fieldkit.pictures.panels import DPI, FAINT, INK, PAPER, drawable
 
-FIELD_PICTURE = "field.jpg"
 _SIDE_PX = 1800
 """Longer side of the picture."""
-_HEIGHTS = "viridis"
-"""Matplotlib's colours of heights."""
+_LETTERS = 0.12
+"""Size of labels as a share of plots' sides (root of the median area): so they can be read on a page, 640 wide."""
+_LEAST_PT = 6.0
+"""Least size of labels, points."""
+_MOST_PT = 22.0
+"""Largest size, points."""
 
 
 def field_picture(
@@ -38,20 +40,19 @@ def field_picture(
         picture = np.moveaxis(file.read(out_shape=(3, height, width)), 0, -1)
         picture[file.dataset_mask(out_shape=(height, width)) == 0] = 255
         left, bottom, right, top = file.bounds
-    known = [height_m for height_m in heights.values() if height_m is not None]
-    share_of, colors = Normalize(min(known, default=0.0), max(known, default=1.0)), mpl.colormaps[_HEIGHTS]
+    side_px = width / (right - left) * math.sqrt(np.median([shape.area for shape in outlines.values()]))
+    size = max(_LEAST_PT, min(_MOST_PT, 72.0 / DPI * _LETTERS * side_px))
     figure = Figure((width / DPI, height / DPI))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(picture, extent=(left, right, bottom, top))
     axes.set_axis_off()
     for name, outline in outlines.items():
         height_m = heights.get(name)
-        color = FAINT if height_m is None else colors(share_of(height_m))
-        axes.plot(*shapely.get_coordinates(outline).T, color=color, linewidth=2.5)
+        axes.plot(*shapely.get_coordinates(outline).T, color=PAPER, linewidth=1.5)
         text = drawable(name) if height_m is None else f"{drawable(name)}\n{height_m:.2f} m"
-        box = {"facecolor": PAPER, "edgecolor": color, "alpha": 0.85, "pad": 2.0}
+        box = {"facecolor": PAPER, "edgecolor": FAINT, "alpha": 0.85, "pad": 2.0}
         middle = outline.centroid
-        axes.text(middle.x, middle.y, text, size=8, color=INK, ha="center", va="center", parse_math=False, bbox=box)
+        axes.text(middle.x, middle.y, text, size=size, color=INK, ha="center", va="center", parse_math=False, bbox=box)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="jpeg", dpi=DPI)
     return buffer.getvalue()

@@ -194,9 +194,8 @@ def build_page(
     with progress.stage("Reading photographs"):
         for kind, loaded, anchor in _each(results):
             kind.add_pictures(shown, anchor, loaded, results)
-    first = [] if results.of(Campaign) else shown.first_view()
+    head = in_short(results, summarise(results), shown)
     sections = [kind.section(loaded, anchor, shown) for kind, loaded, anchor in _each(results)]
-    head = in_short(results, summarise(results), first)
     glossary: list[Details | Paragraph] = [Details("Terms that reports use", (Terms(tuple(MEANINGS.items())),))]
     if shown.points < shown.points_found:
         text = f"The 3D views show {shown.points:,} of {shown.points_found:,} points, drawn at random; all figures are "

@@ -20,6 +20,8 @@ from fieldkit.results.traits import PlantEntry, RowEntry, TraitsEntry
 from fieldkit.vocabulary import Fidelity, MappingName, Mask
 
 CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
+PHOTO_FILE, FIELD_PICTURE = "photo.jpg", "field.jpg"
+"""Of a plot of a flight, and of the field."""
 Seconds = Annotated[float, Field(ge=0)]
 Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 """A distance in metres as a key, with at least three decimals: "0.002"."""
@@ -339,6 +341,8 @@ class PlotEvaluation(ReconstructionEntry):
     """Of the plot's folder."""
     rows: tuple[RowEntry, ...] = ()
     """One by one, of a plot of a flight that says how far its rows are apart."""
+    outline: tuple[tuple[float, float], ...] = ()
+    """Corners (x, y) of a plot of a flight, in the frame of all its plots."""
     unregistered: dict[str, Annotated[int, Field(gt=0)]] = {}  # noqa: RUF012 - pydantic copies it
     """Number of images that do not count, by reason (up to its colon; image_reports hold the whole)."""
     chamfer_m: Length | None = None
@@ -376,6 +380,8 @@ class FlightEntry(Strict):
     """As of a plot."""
     pose_rms_m: Length | None
     """As of a plot."""
+    picture: tuple[tuple[float, float], ...] = ()
+    """Corners (x, y) of field.jpg, clockwise from the upper left, in the plots' frame; none without it."""
 
 
 class EvaluationReport(Strict):

@@ -15,8 +15,7 @@ from fieldkit.evaluation import field, orthophoto
 from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE, Rasters
 from fieldkit.evaluation.utm import Projection
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.pictures.field import FIELD_PICTURE
-from fieldkit.results.evaluation import CLOUD_FILE, FileEntry, PlotEvaluation
+from fieldkit.results.evaluation import CLOUD_FILE, FIELD_PICTURE, FileEntry, PlotEvaluation
 from fieldkit.results.frame import FrameEntry
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.runtime.context import Context

@@ -11,7 +11,7 @@ import pytest
 
 from fieldkit.report.write_report import write_report
 from tests.browser import colors_in, opened, picture
-from tests.report.sections.examples import SECTIONS, SHOWN, write_everything
+from tests.report.sections.examples import SECTIONS, SHOWN, write_everything, write_flight
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -110,6 +110,23 @@ def test_a_plot_of_the_map_leads_to_its_own_part(page: Page) -> None:
     part = page.locator("details:has(#campaign-1-plot-1)")
     assert part.evaluate("(e) => e.open")
     assert "maize-1 over the dates" in part.inner_text()
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_plot_of_a_flights_map_leads_to_its_photograph(browser: Browser, tmp_path: Path, width: int) -> None:
+    write_flight(tmp_path / "scores")
+    with opened(browser, write_report(tmp_path / "scores").output, width=width) as found:
+        assert found.evaluate("document.documentElement.scrollWidth") <= width
+        field = picture(found.locator(".map svg image"))
+        red = (field[..., 0] > 200) & (field[..., 1] < 60)
+        assert red[-25:-5, 5:25].all()
+        assert not red[: len(red) // 2].any()
+        found.locator("figure.map g.choice:not(.hidden) a.plot").nth(1).click()
+        card = found.locator("#evaluation-1-plot-2")
+        assert card.evaluate("(e) => e.matches(':target') && e.getBoundingClientRect().top < innerHeight")
+        assert card.locator("img").evaluate("(e) => e.naturalWidth") == 320
+        card.get_by_role("link", name="119").click()
+        assert found.locator("details:has(#evaluation-1-plot-2-more)").evaluate("(e) => e.open")
 
 
 def test_it_prints_on_white_and_few_pages(page: Page) -> None:

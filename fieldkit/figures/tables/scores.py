@@ -92,7 +92,7 @@ def interval(low_m: float | None, high_m: float | None) -> str | None:
 
 def plot_cell(plot: Scored) -> Row:
     """The first cell of a row: the plot's name."""
-    return {"plot": plot.plot if isinstance(plot, Visit) else plot.name}
+    return {"plot": name_of(plot)}
 
 
 def quality_table(caption: str, plots: Sequence[Scored], lead: Callable[[Scored], Row] = plot_cell) -> Table:
@@ -129,7 +129,7 @@ def traits_table(caption: str, plots: Iterable[Scored], lead: Callable[[Scored],
             {
                 **lead(plot),
                 **cells(plot, TRAIT_FIGURES),
-                Column("why not", detail=True): _error(plot) or trait_reasons(plot) or None,
+                Column("why not", detail=True): error_of(plot) or trait_reasons(plot) or None,
             }
             for plot in plots
         ],
@@ -155,12 +155,18 @@ def reason_table(plots: Sequence[PlotEvaluation]) -> Table:
     )
 
 
-def _error(plot: Scored) -> str:
+def name_of(plot: Scored) -> str:
+    """Of a plot."""
+    return plot.plot if isinstance(plot, Visit) else plot.name
+
+
+def error_of(plot: Scored) -> str:
+    """Why a plot has no result; empty where it has one."""
     return plot.error if isinstance(plot, Visit) else "" if plot.error is None else plot.error.message
 
 
 def _notes(plot: Scored) -> Iterator[str]:
-    if error := _error(plot):
+    if error := error_of(plot):
         yield error
     if isinstance(plot, Visit):
         yield from plot.notes
@@ -169,7 +175,7 @@ def _notes(plot: Scored) -> Iterator[str]:
 
 
 def _state(plot: Scored) -> Mark:
-    if _error(plot):
+    if error_of(plot):
         return Mark("problem", "no result")
     if plot.doubts:
         return Mark("problem", "other plants" if OTHER_PLANTS in plot.doubts else "doubtful")

@@ -74,11 +74,14 @@ class DrawnMap:
     north_x: str
     base: str
     """The line of bar and legend."""
+    beneath: str
+    """SVG's matrix from the unit square onto the picture; empty without one."""
 
 
 def draw_map(plots: PlotMap) -> DrawnMap:
     """Lay a map out; ValueError without plots, and for a coordinate that is not finite."""
     rings = [np.array(_outline(plot.ring)) for plot in plots.plots]
+    rings += [np.array(plots.beneath[1])] if plots.beneath else []
     if not rings or not all(np.isfinite(ring).all() for ring in rings):
         raise ValueError("a map needs plots with finite coordinates")
     (west, south), (east, north) = (bound(np.concatenate(rings), axis=0) for bound in (np.min, np.max))
@@ -86,6 +89,10 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     height = max(_LEAST_HEIGHT, (north - south) * scale + 2 * _MARGIN)
     middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
     drawn = [0.5 * np.array([MAP_WIDTH, height]) + (ring - middle) * (scale, -scale) for ring in rings]
+    beneath = ""
+    if plots.beneath:
+        origin, right, _, down = drawn.pop()
+        beneath = " ".join(f"{value:.3f}" for value in (*(right - origin), *(down - origin), *origin))
     bar_m = nice_length(0.25 * (MAP_WIDTH - 2 * _MARGIN) / scale)
     return DrawnMap(
         plots,
@@ -95,6 +102,7 @@ def draw_map(plots: PlotMap) -> DrawnMap:
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
         f"{MAP_WIDTH - 20:.1f}",
         f"{height + 14:.1f}",
+        beneath,
     )
 
 
@@ -119,7 +127,7 @@ def _drawn(plots: PlotMap, measure: Measure, rings: Sequence[FloatArray]) -> Dra
                 Shape(
                     "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z",
                     fill,
-                    f"{plot.name}, {date}, {measure.label}: {figure}",
+                    f"{', '.join(filter(None, (plot.name, date, measure.label)))}: {figure}",
                     plot.name if has_room else "",
                     "on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark",
                     f"{x:.1f}",

@@ -10,7 +10,6 @@ from fieldkit.campaign.measured import measured_agreement
 from fieldkit.campaign.overview import drift_tables, missing
 from fieldkit.campaign.reading import Campaign
 from fieldkit.figures.content import (
-    MOST_ROWS,
     Block,
     Charts,
     Curve,
@@ -19,19 +18,16 @@ from fieldkit.figures.content import (
     KeyFigures,
     LineChart,
     Link,
-    MappedPlot,
-    Measure,
     Paragraph,
-    PlotMap,
     Row,
     Section,
     Statement,
 )
-from fieldkit.figures.registry import TRENDS, Figure, Scored
-from fieldkit.figures.tables.scores import plot_cell, quality_table, traits_table
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.figures.registry import Scored
+from fieldkit.figures.tables.scores import name_of, quality_table, traits_table
 from fieldkit.report.sections.captures import without_height
 from fieldkit.report.sections.loaded import Loaded, Results
+from fieldkit.report.sections.plots import FOLLOWED, plot_anchors
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.visit import Visit
 from fieldkit.wording import by_key, count, listed
@@ -40,10 +36,6 @@ _MOST_LINES = 200
 """Most plots of a chart."""
 _MOST_NAMED = 5
 """Most plots of a chart in which each has a colour."""
-_FARTHEST_M = 200_000.0
-"""Distance from the first plot beyond which no map is drawn, metres."""
-_FOLLOWED = sorted(TRENDS, key=lambda figure: figure.group != "trait")  # what grows comes first
-_MOST_VISITS = 2000  # with rows of their own
 _NAMED = 5  # problems named one by one
 
 
@@ -56,11 +48,11 @@ def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section
         if drawn:
             blocks.append(Charts(drawn))
         blocks += [*drift_tables(campaign), *_measured(campaign)]
-        anchors = plot_anchors(campaign, anchor)
+        anchors = plot_anchors(campaign.visits, anchor, len(campaign.dates))
 
         def linked(plot: Scored) -> Row:
-            name = plot_cell(plot)["plot"]
-            return {"plot": Link(str(name), anchors[name]) if name in anchors else name}
+            name = name_of(plot)
+            return {"plot": Link(name, anchors[name]) if name in anchors else name}
 
         # Those without a score first, then the doubtful ones.
         last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
@@ -69,55 +61,6 @@ def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section
         by_plot = by_key((visit.plot, visit) for visit in campaign.visits)
         blocks += [_plot(by_plot[plot], plot, name) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
-
-
-def plot_anchors(campaign: Campaign, anchor: str) -> dict[str, str]:
-    """The place on the page that tells of each visited plot, by plot, in the order of the visits."""
-    most = min(MOST_ROWS, _MOST_VISITS // max(1, len(campaign.dates)))
-    plots = list(dict.fromkeys(visit.plot for visit in campaign.visits))[:most]
-    return {plot: f"{anchor}-plot-{number}" for number, plot in enumerate(plots, 1)}
-
-
-def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
-    """The plots on every date, coloured by a figure of choice; None without visits, or if they lie too far apart.
-
-    Measured and predicted distances have scales of their own: one is not the other.
-    """
-    if not campaign.plots or not campaign.visits:
-        return None
-    first = campaign.plots[0]
-    frame = LocalFrame(first.latitude_deg, first.longitude_deg, 0.0, "unknown")
-    plots = []
-    for plot in campaign.plots:
-        corners = plot.shape or ((plot.latitude_deg, plot.longitude_deg),)
-        local = frame.to_local([c[0] for c in corners], [c[1] for c in corners], [0.0] * len(corners))
-        if abs(local[:, :2]).max() > _FARTHEST_M:
-            return None
-        plots.append(MappedPlot(plot.name, tuple((float(e), float(n)) for e, n, _ in local)))
-    measures = [measure for figure in _FOLLOWED if (measure := _measure(campaign, figure)) is not None]
-    if not measures:
-        return None
-    measures.sort(key=lambda measure: -sum(map(len, measure.values.values())))  # the one with most values comes first
-    return PlotMap(
-        f"The plots of {campaign.name}",
-        tuple(plots),
-        tuple(measures),
-        plot_anchors(campaign, anchor),
-        anchor,
-    )
-
-
-def _measure(campaign: Campaign, figure: Figure) -> Measure | None:
-    """A figure by date and plot; None where no visit has it."""
-    values: dict[str, dict[str, float]] = {day: {} for day in campaign.dates}
-    notes: dict[str, dict[str, str]] = {day: {} for day in campaign.dates}
-    for visit in campaign.visits:
-        value = figure.shown(visit)
-        if value is None:
-            notes[visit.date][visit.plot] = visit.error or f"no {figure.label}"
-        else:
-            values[visit.date][visit.plot] = value
-    return Measure(figure.label, figure.unit, values, notes, figure.ramp) if any(values.values()) else None
 
 
 def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
@@ -154,7 +97,7 @@ def _measured(campaign: Campaign) -> Iterator[Block]:
 
 def charts(visits: Sequence[Visit], of: str) -> Iterator[LineChart]:
     """Each figure over the dates, a line per plot; of many plots also the median of those that have every date."""
-    for figure in _FOLLOWED:
+    for figure in FOLLOWED:
         lines: dict[str, dict[int, float]] = {}
         for visit in visits:
             if (value := figure.shown(visit)) is not None:

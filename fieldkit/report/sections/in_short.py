@@ -25,12 +25,13 @@ from fieldkit.figures.content import (
 from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error, millimetres
 from fieldkit.figures.tables.scores import counted_traits, difference_table, leading_figures, traits_table
-from fieldkit.report.sections.campaign import plot_map
 from fieldkit.report.sections.captures import noise_counts
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
+from fieldkit.report.sections.plots import campaign_map, flight_map
+from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
-from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
+from fieldkit.results.evaluation import FIELD_PICTURE, EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.wording import by_key, count, listed
 
@@ -51,7 +52,7 @@ _AFTER_EVALUATION = (
 )
 
 
-def in_short(results: Results, statements: Sequence[Statement], first: Sequence[Block]) -> Section:
+def in_short(results: Results, statements: Sequence[Statement], shown: Shown) -> Section:
     """The first section of a report, of all that is said of its results: first with a map, then traits."""
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
     grouped = tuple(_grouped(to_do))
@@ -59,9 +60,11 @@ def in_short(results: Results, statements: Sequence[Statement], first: Sequence[
     demos = [each.report for each in results.of(DemoReport)]
     compared = [each for demo in demos for each in demo_statements(demo)]
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
-    anchors = {f"campaign-{k}": result.report for k, result in enumerate(results.of(Campaign), 1)}
-    maps = (plot_map(report, anchor) for anchor, report in anchors.items())
-    blocks += [*(drawn for drawn in maps if drawn is not None), *first]
+    maps = [campaign_map(result.report, f"campaign-{k}") for k, result in enumerate(results.of(Campaign), 1)]
+    for k, result in enumerate(results.of(EvaluationReport), 1):
+        anchor = f"evaluation-{k}"
+        maps.append(flight_map(result.report, anchor, shown.pictures(anchor).get(FIELD_PICTURE)))
+    blocks += [*(drawn for drawn in maps if drawn is not None), *([] if results.of(Campaign) else shown.first_view())]
     tables: list[Block] = list(_plants(results))
     if demos:
         plots = {

@@ -11,11 +11,17 @@ import cv2
 
 from fieldkit.captures.decode import read_image
 from fieldkit.errors import FieldkitError
-from fieldkit.figures.content import Block, Paragraph, Picture, View3D, ViewerScene
+from fieldkit.figures.content import MOST_ROWS, Block, Paragraph, Picture, View3D, ViewerScene
 from fieldkit.files import file_beside
 from fieldkit.report.sections.loaded import Loaded, Results
 from fieldkit.report.sections.views_3d import points_of, within_budget
-from fieldkit.results.evaluation import EvaluationReport, ReconstructionEntry, ReferenceReport
+from fieldkit.results.evaluation import (
+    FIELD_PICTURE,
+    PHOTO_FILE,
+    EvaluationReport,
+    ReconstructionEntry,
+    ReferenceReport,
+)
 
 SIDE = 160
 """Longer side of a thumbnail, pixels; shown at half the size."""
@@ -26,6 +32,10 @@ _LARGEST_BYTES = 64 << 20
 """Largest file that is shown, bytes."""
 
 
+PLOT_SIDE = 320
+"""Longer side of a plot's photograph, pixels: 400 of them are some 12 MB."""
+_FIELD_SIDE = 1800
+"""Longer side of a field's picture, pixels."""
 MOST_THUMBNAILS = 300
 """Largest number of a report's thumbnails, about 2 MB."""
 MOST_VIEWS = 10
@@ -112,8 +122,17 @@ class Shown:
 def add_photographs(
     shown: Shown, anchor: str, result: Loaded[ReferenceReport] | Loaded[EvaluationReport], results: Results
 ) -> None:
-    """Thumbnails of a reference's or of every evaluated plot's photographs, unused ones first: people look for them."""
+    """Thumbnails of a reference's or of every evaluated plot's photographs, unused ones first: people look for them.
+
+    Of a flight over many plots they are the pictures of field and plots that the evaluation has, by their files.
+    """
     report = result.report
+    if isinstance(report, EvaluationReport) and report.flight is not None:
+        shown.add_pictures(anchor, "", thumbnails(result.folder, [FIELD_PICTURE], 1, _FIELD_SIDE))
+        for each in report.plots[:MOST_ROWS]:
+            names = [file.name for file in each.files if file.name.endswith(f"/{PHOTO_FILE}")]
+            shown.add_pictures(anchor, each.name, thumbnails(result.folder, names, 1, PLOT_SIDE))
+        return
     plots: list[tuple[str, ReconstructionEntry, tuple[str, ...]]]
     if isinstance(report, ReferenceReport):
         plots = [("", report, (report.source,))]
@@ -146,14 +165,14 @@ def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) 
     return None
 
 
-def thumbnails(folder: Path, names: Sequence[str], most: int) -> Mapping[str, Picture]:
+def thumbnails(folder: Path, names: Sequence[str], most: int, side: int = SIDE) -> Mapping[str, Picture]:
     """Small JPEGs of the first ``most`` photographs, without metadata, by name; unreadable ones are left out."""
     pictures = {}
     for name in names[:most]:
         file = _file(folder, name)
         with suppress(FieldkitError, OSError, MemoryError):
             if file is not None and file.stat().st_size <= _LARGEST_BYTES:
-                pixels = read_image(file, max_side=SIDE)
+                pixels = read_image(file, max_side=side)
                 _, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
                 height, width = pixels.shape[:2]
                 size = max(1, width // 2), max(1, height // 2)

@@ -19,7 +19,13 @@ from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.settings import GivenPlot, SearchSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import COMPARE_FILE, ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
-from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, ReferenceReport, StationErrorEntry
+from fieldkit.results.evaluation import (
+    AdherenceEntry,
+    EvaluationReport,
+    FlightEntry,
+    ReferenceReport,
+    StationErrorEntry,
+)
 from fieldkit.results.plan import Plan, PlanMethod, PlanSource
 from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import describe_files, file_sha256, save_report
@@ -106,6 +112,30 @@ def write_evaluation(
     )
     save_report(folder / "evaluation.json", report)
     return report
+
+
+def write_flight(folder: Path, plots: tuple[str, ...] = ("118", "119", HOSTILE), *, picture: bool = True) -> None:
+    """An evaluation of a flight over plots beside each other, of which the last failed; the field's picture is 8 m wide
+    and has a red south-western corner.
+    """
+    report = write_evaluation(folder, plots=plots[:-1], failed=plots[-1], source="grid")
+    made = []
+    for k, plot in enumerate(report.plots):
+        x = 2.0 * k - 2.0
+        outline = ((x, 0.0), (x + 1.5, 0.0), (x + 1.5, 4.0), (x, 4.0))
+        if plot.error is None:
+            Image.new("RGB", (900, 600), (60, 120, 60)).save(folder / plot.name / "photo.jpg")
+            files = describe_files(folder, [f"{plot.name}/cloud.ply", f"{plot.name}/photo.jpg"])
+            traits = TraitsEntry(height_m=1.0 + k, height_error_m=0.03)
+            plot = plot.model_copy(update={"files": files, "traits": traits})
+        made.append(plot.model_copy(update={"outline": outline}))
+    whole = Image.new("RGB", (800, 600), (50, 40, 30))
+    whole.paste((255, 0, 0), (0, 500, 100, 600))
+    corners = ((-4.0, 5.0), (4.0, 5.0), (4.0, -1.0), (-4.0, -1.0)) if picture else ()
+    if picture:
+        whole.save(folder / "field.jpg")
+    flight = FlightEntry(images=9, registered=9, right=9, loose=0, unregistered={}, pose_rms_m=0.01, picture=corners)
+    save_report(folder / "evaluation.json", report.model_copy(update={"plots": tuple(made), "flight": flight}))
 
 
 def write_run(folder: Path, reference: Path | None = None, *, name: str = "dense", trials: int = 40) -> Plan:

@@ -11,14 +11,17 @@ import pytest
 import fieldkit
 from fieldkit.clouds import PointIndex, read_cloud
 from fieldkit.errors import MetadataError, StorageError, UsageError
+from fieldkit.figures.content import Picture
+from fieldkit.report.html.drawings import draw_map
 from fieldkit.report.sections.campaign import charts
 from fieldkit.report.sections.in_short import next_step, verdict
 from fieldkit.report.sections.loaded import PlanRun, Results, read_results
+from fieldkit.report.sections.plots import flight_map
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.report.write_report import summarise, write_report
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, Prediction
 from fieldkit.results.finding import OTHER_PLANTS, Finding
-from fieldkit.results.report_files import file_sha256
+from fieldkit.results.report_files import file_sha256, load_evaluation_report
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import Visit
 from tests.report.page_checks import checked
@@ -29,6 +32,7 @@ from tests.report.sections.examples import (
     write_comparison,
     write_evaluation,
     write_everything,
+    write_flight,
     write_mission,
     write_reference,
     write_run,
@@ -47,6 +51,43 @@ def scored(tmp_path: Path) -> Results:
     write_reference(tmp_path / "ref")
     write_evaluation(tmp_path / "eval", tmp_path / "ref")
     return read_results(tmp_path)
+
+
+def test_a_flight_has_a_card_of_each_plot_that_the_map_leads_to(tmp_path: Path) -> None:
+    write_flight(tmp_path / "scores")
+    parsed = checked(write_report(tmp_path / "scores").output.read_text(encoding="utf-8"))
+    photographs = [a["alt"] for a in parsed.all("img")]
+    assert photographs == ["photograph 118/photo.jpg", "photograph 119/photo.jpg"]
+    places = {a["href"] for a in parsed.all("a") if a.get("class") == "plot"}
+    assert places == {f"#evaluation-1-plot-{k}" for k in (1, 2, 3)}
+    assert {f"evaluation-1-plot-{k}-more" for k in (1, 2, 3)} <= {a.get("id") for _, a in parsed.elements}
+    assert "1.00 ± 0.03 m" in parsed.text
+    assert f"{SHOWN} no result no photographs in it" in parsed.text.replace("no photograph ", "")
+    assert len(parsed.all("image")) == 1
+
+
+@pytest.mark.parametrize("picture", [True, False])
+def test_the_map_of_a_flight_is_north_up_and_its_picture_lies_below_it(tmp_path: Path, picture: bool) -> None:
+    """In a frame whose x points south, plot 119 is south of 118."""
+    write_flight(tmp_path / "scores", picture=picture)
+    report = load_evaluation_report(tmp_path / "scores")
+    turned = ((0.0, -1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    plots = [
+        plot.model_copy(update={"frame": report.plots[0].frame.model_copy(update={"plot_from_source": turned})})
+        for plot in report.plots
+    ]
+    drawn = draw_map(flight_map(report.model_copy(update={"plots": tuple(plots)}), "e", Picture(b"", 4, 3, "")))
+    ((_, shapes),) = drawn.measures[0].dates
+    (x, y), (x2, y2) = ((float(shape.x), float(shape.y)) for shape in shapes[:2])
+    assert x2 == pytest.approx(x, abs=0.1)
+    assert y2 > y
+    if not picture:
+        assert drawn.beneath == ""
+        return
+    a, b, c, d, e, f = map(float, drawn.beneath.split())
+    metre = (y2 - y) / 2.0
+    np.testing.assert_allclose((a, b, c, d), (0.0, 8.0 * metre, -6.0 * metre, 0.0), atol=0.1)
+    np.testing.assert_allclose((x - e, y - f), (-3.0 * metre, 2.75 * metre), atol=0.1)
 
 
 class TestFile:
