@@ -58,7 +58,7 @@ def write_field(
         context: told of the stages.
 
     Returns:
-        The corners of field.jpg, clockwise from the upper left, plot frame; none where nothing is written.
+        The corners of field.jpg, plot frame, counter-clockwise from the lower right; none where nothing is written.
     """
     require_rasters(sparse.frame)
     frames = {result.name: result.frame for result in results if result.frame is not None}
@@ -89,10 +89,10 @@ def write_field(
         )
     write_orthophoto(folder, sparse, grid, projection, area, [*plots.values()], context)
     heights = {name: entry.height_m for name, entry in traits.items()}
-    write_atomic(folder / FIELD_PICTURE, field_picture(folder / ORTHOPHOTO_FILE, plots, heights))
-    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (grid.columns, grid.rows) + (grid.left, grid.top)
-    utm = np.insert(corners * (grid.cell_m, -grid.cell_m), 2, level, axis=1)
-    return tuple((float(x), float(y)) for x, y, _ in projection.to_plot(utm))
+    picture, shape = field_picture(folder / ORTHOPHOTO_FILE, plots, heights)
+    write_atomic(folder / FIELD_PICTURE, picture)
+    corners = projection.to_plot(shapely.get_coordinates(shapely.force_3d(shape, level), include_z=True)[:4])
+    return tuple((float(x), float(y)) for x, y, _ in corners)
 
 
 def _heights(

@@ -99,31 +99,13 @@ class Link:
 
     text: str
     anchor: str
-    """Of a section or of folded blocks."""
+    """Of a section, of folded blocks or of other words that lead on."""
+    place: str = ""
+    """Anchor of these words, unique on the page; empty for none."""
 
 
 Cell: TypeAlias = str | Picture | Mark | Link | None
 """None is shown as a dash."""
-
-
-@dataclass(frozen=True)
-class Card:
-    """A plot with its picture."""
-
-    name: Link
-    """It leads to what tells more."""
-    anchor: str
-    """For links; unique on the page."""
-    picture: Picture | None
-    lines: tuple[tuple[str, str], ...]
-    """Labels with their values."""
-
-
-@dataclass(frozen=True)
-class Cards:
-    """Plots side by side, as many as there is room for."""
-
-    items: tuple[Card, ...]
 
 
 @dataclass(frozen=True)
@@ -254,7 +236,7 @@ class PlotMap:
     identifier: str = "map"
     """Unique on the page."""
     beneath: tuple[Picture, tuple[Corner, ...]] | None = None
-    """Of the plots from above, shown first: with its corners, clockwise from the upper left, in the plots' frame."""
+    """Of the plots from above, shown first: with its corners, counter-clockwise from the lower right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,7 +343,7 @@ class Details:
     """For links, which unfold the blocks; unique on the page; empty for none."""
 
 
-Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Cards | Charts | PlotMap | View3D | Details
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | PlotMap | View3D | Details
 
 
 @dataclass(frozen=True)

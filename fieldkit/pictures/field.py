@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,17 +15,15 @@ from fieldkit.pictures.panels import DPI, FAINT, INK, PAPER, drawable
 _SIDE_PX = 1800
 """Longer side of the picture."""
 _LETTERS = 0.12
-"""Size of labels as a share of plots' sides (root of the median area): so they can be read on a page, 640 wide."""
-_LEAST_PT = 6.0
-"""Least size of labels, points."""
+"""Size of labels as a share of the smallest plot's side (root of its area): so they can be read on a page, 640 wide."""
 _MOST_PT = 22.0
-"""Largest size, points."""
+"""Largest size of labels, points."""
 
 
 def field_picture(
     orthophoto: Path, outlines: Mapping[str, shapely.Geometry], heights: Mapping[str, float | None]
-) -> bytes:
-    """As JPEG.
+) -> tuple[bytes, shapely.Polygon]:
+    """As JPEG, and what it shows: its corners counter-clockwise from the lower right.
 
     Args:
         orthophoto: file of it.
@@ -39,9 +36,10 @@ def field_picture(
         height, width = (max(1, round(_SIDE_PX * side / max(file.shape))) for side in file.shape)
         picture = np.moveaxis(file.read(out_shape=(3, height, width)), 0, -1)
         picture[file.dataset_mask(out_shape=(height, width)) == 0] = 255
-        left, bottom, right, top = file.bounds
-    side_px = width / (right - left) * math.sqrt(np.median([shape.area for shape in outlines.values()]))
-    size = max(_LEAST_PT, min(_MOST_PT, 72.0 / DPI * _LETTERS * side_px))
+        shape = shapely.box(*file.bounds)
+    left, bottom, right, top = shape.bounds
+    side_m = np.sqrt(shapely.area([*outlines.values()]).min())
+    size = min(_MOST_PT, 72.0 / DPI * _LETTERS * side_m * width / (right - left))
     figure = Figure((width / DPI, height / DPI))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(picture, extent=(left, right, bottom, top))
@@ -55,4 +53,4 @@ def field_picture(
         axes.text(middle.x, middle.y, text, size=size, color=INK, ha="center", va="center", parse_math=False, bbox=box)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="jpeg", dpi=DPI)
-    return buffer.getvalue()
+    return buffer.getvalue(), shape

@@ -381,7 +381,7 @@ class FlightEntry(Strict):
     pose_rms_m: Length | None
     """As of a plot."""
     picture: tuple[tuple[float, float], ...] = ()
-    """Corners (x, y) of field.jpg, clockwise from the upper left, in the plots' frame; none without it."""
+    """Corners (x, y) of field.jpg, counter-clockwise from the lower right, in the plots' frame; none without it."""
 
 
 class EvaluationReport(Strict):

@@ -122,10 +122,10 @@ def test_a_plot_of_a_flights_map_leads_to_its_photograph(browser: Browser, tmp_p
         assert red[-25:-5, 5:25].all()
         assert not red[: len(red) // 2].any()
         found.locator("figure.map g.choice:not(.hidden) a.plot").nth(1).click()
-        card = found.locator("#evaluation-1-plot-2")
-        assert card.evaluate("(e) => e.matches(':target') && e.getBoundingClientRect().top < innerHeight")
-        assert card.locator("img").evaluate("(e) => e.naturalWidth") == 320
-        card.get_by_role("link", name="119").click()
+        row = found.locator("tr:has(#evaluation-1-plot-2)")
+        assert row.evaluate("(e) => e.getBoundingClientRect().top < innerHeight")
+        assert row.locator("img").evaluate("(e) => e.naturalWidth") == 320
+        row.get_by_role("link", name="119").click()
         assert found.locator("details:has(#evaluation-1-plot-2-more)").evaluate("(e) => e.open")
 
 

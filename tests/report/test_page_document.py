@@ -7,8 +7,6 @@ from hypothesis import strategies as st
 
 from fieldkit.figures.content import (
     Block,
-    Card,
-    Cards,
     Charts,
     Column,
     Curve,
@@ -76,7 +74,6 @@ def every_block(text: str) -> tuple[Block, ...]:
         ),
         Charts((chart,)),
         plot_map,
-        Cards((Card(Link(text, "c"), "card", picture, ((text, text),)), Card(Link(text, "c"), "other", None, ()))),
         Details(text, (Paragraph(text), View3D("view-1", scene, text)), anchor="folded"),
     )
 

@@ -33,7 +33,6 @@ _KINDS = {
     content.KeyFigures: "key_figures",
     content.Terms: "terms",
     content.Table: "table",
-    content.Cards: "cards",
     content.Charts: "charts",
     PlotMap: "map",
     content.View3D: "view",

@@ -91,7 +91,7 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     drawn = [0.5 * np.array([MAP_WIDTH, height]) + (ring - middle) * (scale, -scale) for ring in rings]
     beneath = ""
     if plots.beneath:
-        origin, right, _, down = drawn.pop()
+        _, right, origin, down = drawn.pop()
         beneath = " ".join(f"{value:.3f}" for value in (*(right - origin), *(down - origin), *origin))
     bar_m = nice_length(0.25 * (MAP_WIDTH - 2 * _MARGIN) / scale)
     return DrawnMap(

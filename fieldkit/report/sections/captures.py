@@ -23,7 +23,7 @@ from fieldkit.figures.style import format_length
 from fieldkit.figures.tables import scores
 from fieldkit.figures.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table
 from fieldkit.report.sections.loaded import Loaded, Results
-from fieldkit.report.sections.plots import MORE, plot_anchors, plot_cards
+from fieldkit.report.sections.plots import plot_anchors
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import (
@@ -67,11 +67,9 @@ def reference_section(result: Loaded[ReferenceReport], anchor: str, shown: Shown
 
 def evaluation_section(result: Loaded[EvaluationReport], anchor: str, shown: Shown) -> Section:
     """The comparison of one plot's or many plots' captures with the reference."""
-    plots, flight = result.report.plots, result.report.flight
-    one = len(plots) == 1 and flight is None
+    plots = result.report.plots
+    one = len(plots) == 1 and result.report.flight is None
     blocks = list(_plot_blocks(plots[0], anchor, shown) if one else _plots_blocks(plots, anchor, shown))
-    if flight is not None:
-        blocks.insert(0, plot_cards(plots, anchor, shown))
     return Section(anchor, f"Evaluation: {result.report.source}", tuple(blocks))
 
 
@@ -85,7 +83,7 @@ def _plots_blocks(plots: tuple[PlotEvaluation, ...], anchor: str, shown: Shown) 
     for name, plot in zip(plot_anchors(plots, anchor).values(), plots, strict=False):
         is_open = farthest > 0 and plot.chamfer_m == farthest
         blocks = tuple(_plot_blocks(plot, anchor, shown))
-        yield Details(f"Details: {plot.name}", blocks, is_open, anchor=f"{name}{MORE}")
+        yield Details(f"Details: {plot.name}", blocks, is_open, anchor=f"{name}-more")
 
 
 def _plot_blocks(plot: PlotEvaluation, anchor: str, shown: Shown) -> Iterator[Block]:

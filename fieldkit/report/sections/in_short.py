@@ -24,10 +24,10 @@ from fieldkit.figures.content import (
 )
 from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error, millimetres
-from fieldkit.figures.tables.scores import counted_traits, difference_table, leading_figures, traits_table
+from fieldkit.figures.tables.scores import counted_traits, difference_table, leading_figures, plot_cell, traits_table
 from fieldkit.report.sections.captures import noise_counts
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
-from fieldkit.report.sections.plots import campaign_map, flight_map
+from fieldkit.report.sections.plots import campaign_map, flight_map, led_to
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
@@ -65,7 +65,7 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
         anchor = f"evaluation-{k}"
         maps.append(flight_map(result.report, anchor, shown.pictures(anchor).get(FIELD_PICTURE)))
     blocks += [*(drawn for drawn in maps if drawn is not None), *([] if results.of(Campaign) else shown.first_view())]
-    tables: list[Block] = list(_plants(results))
+    tables: list[Block] = list(_plants(results, shown))
     if demos:
         plots = {
             each.folder.name.removeprefix("evaluation-"): each.report.plots for each in results.of(EvaluationReport)
@@ -84,7 +84,7 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     return Section("summary", HEADING, tuple(blocks))
 
 
-def _plants(results: Results) -> Iterator[Table]:
+def _plants(results: Results, shown: Shown) -> Iterator[Table]:
     """What grows on the plots: of each campaign's last date and of each evaluation; leading figures of comparisons."""
     for result in results.of(Campaign):
         if dates := result.report.dates:
@@ -95,10 +95,12 @@ def _plants(results: Results) -> Iterator[Table]:
             if (table := difference_table(comparison.report, figure)).rows:
                 yield table
     several = len(results.of(EvaluationReport)) > 1
-    for evaluation in results.of(EvaluationReport):
-        plots = [plot for plot in evaluation.report.plots if plot.error is None]
+    for k, evaluation in enumerate(results.of(EvaluationReport), 1):
+        report = evaluation.report
+        lead = led_to(report.plots, f"evaluation-{k}", shown) if report.flight is not None else plot_cell
+        plots = [plot for plot in report.plots if plot.error is None or report.flight is not None]
         if any(plot.traits is not None for plot in plots):
-            yield traits_table(f"Plants of {evaluation.report.source}" if several else "Plants", plots)
+            yield traits_table(f"Plants of {report.source}" if several else "Plants", plots, lead)
 
 
 def _grouped(statements: Sequence[Statement]) -> Iterator[Statement]:

@@ -1,23 +1,21 @@
-"""Plots side by side: a map coloured by a figure of choice, and a small photograph of each with its traits."""
+"""Plots side by side: a map coloured by a figure of choice, and where the page tells of each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from fieldkit.campaign.reading import Campaign
 from fieldkit.figures.content import (
     MOST_ROWS,
-    Card,
-    Cards,
     Corner,
-    Details,
     Link,
     MappedPlot,
     Measure,
     Picture,
     PlotMap,
+    Row,
 )
 from fieldkit.figures.registry import TRENDS, Figure, Scored
 from fieldkit.figures.tables.scores import error_of, name_of
@@ -28,14 +26,10 @@ from fieldkit.wording import by_key
 
 FOLLOWED = sorted(TRENDS, key=lambda figure: figure.group != "trait")
 """Figures of maps and charts: what grows comes first."""
-MORE = "-more"
-"""End of the anchor of what tells more of a plot than its card."""
 _FARTHEST_M = 200_000.0
 """Distance from the first plot beyond which no map is drawn, metres."""
 _MOST_VISITS = 2000
 """Most visits that are told of one by one."""
-_OPEN_CARDS = 60
-"""Most cards that are not folded."""
 
 
 def plot_anchors(plots: Iterable[Scored], anchor: str, dates: int = 1) -> dict[str, str]:
@@ -50,7 +44,8 @@ def campaign_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     for plot in campaign.plots:
         corners = plot.shape or ((plot.latitude_deg, plot.longitude_deg),)
         frame = LocalFrame(campaign.plots[0].latitude_deg, campaign.plots[0].longitude_deg, 0.0, "unknown")
-        rings[plot.name] = frame.to_local(*zip(*corners, strict=True), [0.0] * len(corners))[:, :2].tolist()
+        latitude, longitude = zip(*corners, strict=True)
+        rings[plot.name] = frame.to_local(latitude, longitude, [0.0] * len(corners))[:, :2].tolist()
     days = by_key((visit.date, visit) for visit in campaign.visits)
     anchors = plot_anchors(campaign.visits, anchor, len(days))
     return _map(f"The plots of {campaign.name}", rings, dict(sorted(days.items())), anchors, anchor)
@@ -101,13 +96,13 @@ def _measure(days: Mapping[str, Sequence[Scored]], figure: Figure) -> Measure | 
     return Measure(figure.label, figure.unit, values, notes, figure.ramp) if any(values.values()) else None
 
 
-def plot_cards(plots: Sequence[Scored], anchor: str, shown: Shown) -> Details:
-    """A small photograph of each plot with its traits."""
-    cards = []
-    for plot, (name, place) in zip(plots, plot_anchors(plots, anchor).items(), strict=False):
-        traits = ((each, each.with_error(plot)) for each in FOLLOWED if each.group == "trait")
-        lines = [(each.short or each.label, f"{text} {each.unit}") for each, text in traits if text]
-        lines += [("no result", why)] if (why := error_of(plot)) else []
-        picture = next(iter(shown.pictures(anchor, name).values()), None)
-        cards.append(Card(Link(name, f"{place}{MORE}"), place, picture, tuple(lines)))
-    return Details("The plots one by one", (Cards(tuple(cards)),), is_open=len(cards) <= _OPEN_CARDS)
+def led_to(plots: Sequence[Scored], anchor: str, shown: Shown) -> Callable[[Scored], Row]:
+    """What rows of a flight's plots begin with: a name that the map leads to and that leads on, and a photograph."""
+    anchors = plot_anchors(plots, anchor)
+
+    def lead(plot: Scored) -> Row:
+        name = name_of(plot)
+        link = Link(name, f"{anchors[name]}-more", anchors[name]) if name in anchors else name
+        return {"plot": link, "photograph": next(iter(shown.pictures(anchor, name).values()), None)}
+
+    return lead

@@ -131,7 +131,7 @@ def write_flight(folder: Path, plots: tuple[str, ...] = ("118", "119", HOSTILE),
         made.append(plot.model_copy(update={"outline": outline}))
     whole = Image.new("RGB", (800, 600), (50, 40, 30))
     whole.paste((255, 0, 0), (0, 500, 100, 600))
-    corners = ((-4.0, 5.0), (4.0, 5.0), (4.0, -1.0), (-4.0, -1.0)) if picture else ()
+    corners = ((4.0, -1.0), (4.0, 5.0), (-4.0, 5.0), (-4.0, -1.0)) if picture else ()
     if picture:
         whole.save(folder / "field.jpg")
     flight = FlightEntry(images=9, registered=9, right=9, loose=0, unregistered={}, pose_rms_m=0.01, picture=corners)
