@@ -209,4 +209,4 @@ def test_sets_are_looser_in_a_tall_closed_canopy() -> None:
     amid = replace(tall, obstacles=np.column_stack([places, np.full(len(places), 0.5)]))
     cameras = around(np.arange(6) * 20.0, 3.0, 6.0)
     loose, firm = (GeometricScore(PROBLEM, plot=plot, points=400).score(cameras).tie_m for plot in (amid, tall))
-    assert loose > 1.2 * firm
+    assert loose > 1.05 * firm
