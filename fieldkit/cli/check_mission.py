@@ -17,13 +17,20 @@ from fieldkit.cli.common import (
     emit_json,
     plant_height,
     say,
+    show,
     show_findings,
+    table,
 )
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count, listed
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import RenderableType
+
+    from fieldkit.missions.coverage import Coverage
     from fieldkit.missions.findings import Report
     from fieldkit.missions.ground import Ground
 
@@ -88,10 +95,12 @@ def command(
 def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
     from fieldkit.results.plan import station_number
 
-    deviations = {d.photograph: d for d in report.deviations}
+    deviations, cover = {d.photograph: d for d in report.deviations}, report.coverage
+    order = {shot.station: k for k, shot in enumerate(report.taken)}
     poses = []
     for shot in report.photographs:
-        near = deviations.get(shot.station)
+        near, k = deviations.get(shot.station), order.get(shot.station)
+        line = None if cover is None or k is None else cover.lines[k]
         poses.append(
             {
                 "photograph": shot.station + 1,
@@ -104,6 +113,10 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
                 "height_above_home_m": None if shot.place is None else shot.place.height_m,
                 "heading_deg": shot.heading_deg,
                 "pitch_deg": shot.pitch_deg,
+                "time_s": shot.time_s,
+                "line": None if line is None else line + 1,
+                "plots": [] if cover is None or k is None else list(cover.plots[k]),
+                "speed_mps": shot.speed_mps,
                 "moving": shot.moving,
                 "settled_s": shot.settled_s,
                 "after_s": shot.after_s,
@@ -118,6 +131,15 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
         "photographs": len(report.taken),
         "findings": [finding_entry(finding) for finding in report.findings],
         "poses": poses,
+        "coverage": None
+        if cover is None
+        else {
+            "plots": dict(cover.photographs),
+            "overlap_along": cover.along,
+            "overlap_between": cover.between,
+            "interval_s": cover.interval_s,
+            "blur_px": cover.blur_px,
+        },
         "length_m": report.length_m,
         "time_s": report.seconds,
     }
@@ -131,8 +153,28 @@ def _show(report: Report, file: Path) -> None:
         farthest = max(report.deviations, key=lambda d: d.metres)
         those = count(len(report.deviations), "photograph matches", "photographs match")
         answer(f"{those} the plan, at most {format_length(farthest.metres)} off")
+    if report.coverage is not None and report.coverage.blur_px is not None:
+        show(_in_flight(report.coverage))
     if report.findings:
         show_findings(report.findings, file)
+
+
+def _in_flight(cover: Coverage) -> Iterator[RenderableType]:
+    """Of photographs in flight."""
+    from fieldkit.figures.style import DASH, decimal, percent
+
+    numbers = sorted(cover.photographs.values())
+    each = DASH if not numbers else f"{numbers[0]} to {numbers[-1]}"
+    row = (
+        str(len({*cover.lines} - {None})),
+        percent(cover.along, 0),
+        percent(cover.between, 0),
+        decimal(cover.interval_s),
+        decimal(cover.blur_px, 1),
+        each,
+    )
+    columns = ("lines>", "overlap along>", "between>", "apart, s>", "blur, px>", "photographs of a plot>")
+    return table("Photographs in flight, the least of each; blur the most", columns, [row])
 
 
 def _plants(report: Report, ground: Ground | None) -> list[dict[str, Any]]:

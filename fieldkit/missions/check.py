@@ -18,11 +18,13 @@ from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import (
     adjusted_findings,
     burst_findings,
+    coverage_findings,
     deviations,
     photograph_findings,
     plan_findings,
     usual_burst,
 )
+from fieldkit.missions.coverage import coverage
 from fieldkit.missions.files.limits import APPS, LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.wpml import dji_model
@@ -105,11 +107,17 @@ def check_mission(
     burst = burst or usual_burst(flown.photographs)
     matched = deviations(flown.photographs, planned, home, burst) if planned and home is not None else ()
     above = dict(zip((shot.name for shot in planned), around.grounds, strict=False))
-    taken = {shot.item: shot.place for shot in flown.photographs if shot.place is not None}
-    below = {} if site is None else dict(zip(taken, ground_below(site, list(taken.values())).tolist(), strict=True))
-    below |= {d.item: above[d.planned.name] for d in matched if d.planned.name in above}
+    at = {shot.station: shot.place for shot in flown.photographs if shot.place is not None}
+    below = {} if site is None else dict(zip(at, ground_below(site, list(at.values())).tolist(), strict=True))
+    below |= {d.photograph: above[d.planned.name] for d in matched if d.planned.name in above}
     findings += photograph_findings(flown, vehicle, places, below)
     findings += burst_findings(flown.photographs, matched, burst)
+    cover = None
+    if home is not None:
+        taken = [shot for shot in flown.photographs if not shot.never]
+        grounds = [below.get(shot.station, 0.0) for shot in taken]
+        cover = coverage(taken, flown.legs, vehicle.camera, _frame(home), grounds, site)
+        findings += coverage_findings(cover)
     findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, around.obstacles, home)
     findings += _rtk_findings(flown, home, around.canopy, vehicle)
@@ -124,7 +132,7 @@ def check_mission(
         findings += adjusted_findings(matched, around.moved)
     findings += _unchecked_findings(unchecked or {})
     findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))
-    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m, unchecked, burst)
+    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m, unchecked, burst, cover)
 
 
 def check_on_ground(

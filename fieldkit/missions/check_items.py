@@ -9,14 +9,13 @@ from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
 from fieldkit.missions.autopilots.course import course
-from fieldkit.missions.autopilots.effects import AUTOPILOTS, GOING, INTERVALS, LANDINGS, TAKEOFFS
+from fieldkit.missions.autopilots.effects import AUTOPILOTS, GOING, LANDINGS, TAKEOFFS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home
 from fieldkit.vehicles.vehicle import Vehicle
-from fieldkit.wording import count
 
 FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""
@@ -55,21 +54,14 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
         return
     for what in dropped(item, dialect):
         yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
-    p1, p2, p3 = item.params[:3]
+    p1 = item.params[0]
     if whose := AUTOPILOTS[dialect].other(item):
         yield warning("other-camera", f"{item.name} is for {whose}, and the profile's is the first", number)
         return
-    if item.command in INTERVALS and p1 > 0.0:
-        yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
-    elif item.command == Command.NAV_DELAY and (p1 < 0.0 or (p1 == 0.0 and dialect == "ardupilot")):
+    if item.command == Command.NAV_DELAY and (p1 < 0.0 or (p1 == 0.0 and dialect == "ardupilot")):
         clock = ":".join("--" if value < 0.0 else f"{value:02.0f}" for value in item.params[1:4])
         message = f"NAV_DELAY waits in the air until {clock} UTC, up to a day: give parameter 1 seconds to wait"
         yield error("delay-until", message, number)
-    elif item.command == Command.IMAGE_START_CAPTURE and p3 == p2 == 0.0 and dialect == "ardupilot":
-        return  # one photograph (ArduPilot's AP_Mission_Commands.cpp); without end by MAVLink's text alone
-    elif item.command == Command.IMAGE_START_CAPTURE and p3 != 1.0:
-        what = "photographs without end" if p3 == 0.0 else f"takes {count(p3, 'photograph')}"
-        yield error("photo-interval", f"IMAGE_START_CAPTURE {what}, also after the vehicle has left", number)
     elif item.command == Command.DO_MOUNT_CONTROL and item.params[6] != 2.0:
         message = f"DO_MOUNT_CONTROL has mode {item.params[6]:g}: other firmware than 4.5 takes only 2 for an angle"
         yield warning("mount-mode", message, number)

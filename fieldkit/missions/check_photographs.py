@@ -13,12 +13,15 @@ import numpy as np
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
+from fieldkit.missions.coverage import SHUTTER_S, Coverage
 from fieldkit.missions.findings import Deviation, error, warning
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.routing.motion import turn_deg
 from fieldkit.sites.reach import Unreachable
 from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vocabulary import BURST_INTERVAL_S
+from fieldkit.wording import count, listed
 
 LEAST_SETTLE_S = 0.5
 """Below it a photograph counts as not settled at all; less than the profile's time is a warning."""
@@ -33,6 +36,10 @@ _NEAR_M = 0.05
 """Distance from the plan from which a photograph is a warning, metres."""
 _NEAR_DEG = 1.0
 """Angle from the plan from which a photograph is a warning, degrees."""
+_MOST_BLUR_PX = 1.0
+"""Blur by motion beyond which edges of leaves are lost, pixels."""
+_INTERVAL_SLACK = 0.98
+"""Share of the camera's interval that may be missed by: it is rounded."""
 
 
 def photograph_findings(
@@ -42,17 +49,28 @@ def photograph_findings(
 
     Args:
         places: where each item leads to, by its number.
-        grounds: heights above home of the ground below photographs, by the number of the item that takes them; home's
-            own where one is missing.
+        grounds: heights above home of the ground below photographs, by their place in the file; home's own where one
+            is missing.
     """
-    if not flown.photographs and not flown.uncounted and not flown.refused:
+    if not flown.photographs and not flown.refused:
         yield error("no-photographs", "the mission takes no photograph")
+    told: set[tuple[int, str]] = set()
     for shot in flown.photographs:
         if shot.never:
             yield error("photo-never", f"never taken: {shot.never}", shot.item, shot.station)
             continue
-        yield from _when(shot, vehicle, places)
-        yield from _pose(shot, vehicle, grounds.get(shot.item))
+        poses = _pose(shot, vehicle, grounds.get(shot.station))
+        if shot.repeat is None:
+            yield from _when(shot, vehicle, places)
+            yield from poses
+            continue
+        for finding in poses:  # one command's photographs share what is amiss
+            if (shot.repeat, finding.code) not in told:
+                told.add((shot.repeat, finding.code))
+                yield finding
+    for number in flown.endless:
+        message = "nothing ends its photographs on the way: they go on until the vehicle has landed"
+        yield warning("photo-interval", message, number)
     for number, why in flown.skipped:
         if not any(shot.item == number for shot in flown.photographs) and "refuses" not in why:
             yield error("item-skipped", f"is never carried out: {why}", number)
@@ -126,6 +144,22 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
         height = shot.place.height_m - (ground_m or 0.0)
         message = f"{height:.2f} m above {above} is below the vehicle's {vehicle.min_height_m:g} m"
         yield error("too-low", message, *where)
+
+
+def coverage_findings(cover: Coverage) -> Iterator[Finding]:
+    """What speaks against photographs in flight, and plots that are not shown."""
+    if cover.interval_s is not None and cover.interval_s < _INTERVAL_SLACK * BURST_INTERVAL_S:
+        message = (
+            f"photographs are {cover.interval_s:.2f} s apart; cameras keep up about {BURST_INTERVAL_S:g} s: fly "
+            "slower, or give more distance"
+        )
+        yield error("camera-interval", message)
+    if cover.blur_px is not None and cover.blur_px > _MOST_BLUR_PX:
+        message = f"photographs are blurred by {cover.blur_px:.1f} pixels at 1/{1.0 / SHUTTER_S:.0f} s: fly slower"
+        yield warning("motion-blur", message)
+    if cover.unseen and cover.blur_px is not None:
+        plots = count(len(cover.unseen), "plot is", "plots are", of=len(cover.photographs))
+        yield warning("plots-unseen", f"{plots} shown by no photograph: {listed(list(cover.unseen))}")
 
 
 def bursts(photographs: Sequence[Photograph]) -> list[list[Photograph]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from fieldkit.missions.autopilots.execution import Photograph
+from fieldkit.missions.coverage import Coverage
 from fieldkit.results.finding import Finding, Severity, grouped
 from fieldkit.routing.mission import Shot
 
@@ -63,6 +64,8 @@ class Report:
     """Plots that are not checked against plants, and why; None where no plots are known."""
     burst: int = 1
     """Photographs that each station should have."""
+    coverage: Coverage | None = None
+    """What ``taken`` show; None where home is not known."""
 
     @property
     def ok(self) -> bool:

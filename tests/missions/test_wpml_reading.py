@@ -1,11 +1,13 @@
 """What the waypoints of a WPML file come to: actions in order, what stays, what is done on the way."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
 
+from fieldkit.missions.autopilots.execution import distance
 from fieldkit.missions.check import Surroundings, check_mission
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES, zip_bytes
 from fieldkit.missions.files.wpml_reading import read_wpml
@@ -289,13 +291,18 @@ def test_an_action_group_of_an_unknown_kind_is_refused(how: dict[str, object], s
     assert refused(report) == [f"waypoint 0 has gimbalRotate, takePhoto, hover in an action group ({said})"]
 
 
-@pytest.mark.parametrize(("trigger", "unit"), [("multipleDistance", "m"), ("multipleTiming", "s")])
-def test_photographs_at_intervals_are_an_error_and_not_counted(trigger: str, unit: str) -> None:
-    series = group(1, 3, action("takePhoto"), trigger=trigger, every=5)
+@pytest.mark.parametrize(("trigger", "every", "number"), [("multipleDistance", 2.0, 6), ("multipleTiming", 2.0, 8)])
+def test_photographs_on_the_way_are_foretold(trigger: str, every: float, number: int) -> None:
+    series = group(1, 3, action("takePhoto"), trigger=trigger, every=every)
     report = checked(EAST + series, EAST, at(3, SHOT), pitch=-60)
-    assert poses(report) == [(90.0, -60.0)]
-    assert [f.code for f in report.findings] == ["photo-interval"]
-    assert f"every 5 {unit} up to waypoint 3" in report.findings[0].message
+    on_the_way = [shot for shot in report.photographs if shot.repeat is not None]
+    assert len(on_the_way) == number
+    assert {(shot.heading_deg, shot.pitch_deg) for shot in report.photographs} == {(90.0, -60.0)}
+    for before, shot in pairwise(on_the_way):
+        by_distance = distance(before.place, shot.place)[0]
+        apart = by_distance if trigger == "multipleDistance" else shot.time_s - before.time_s
+        assert apart == pytest.approx(every, abs=1e-3)
+    assert "not-modelled" in [f.code for f in report.findings]
 
 
 def test_actions_before_the_wayline() -> None:

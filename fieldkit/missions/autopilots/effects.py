@@ -68,9 +68,33 @@ class Shoot:
     focal_mm: float = 0.0  # that is set for it, as of 35 mm film; 0 where none is
 
 
+Unit = Literal["m", "s"]
+
+
 @dataclass(frozen=True)
-class ShootOnTheWay:
-    """Take photographs at intervals from here on: they are not counted."""
+class Repeat:
+    """Take photographs from here on: each so many metres of ground, or seconds, after the one before."""
+
+    every: float
+    unit: Unit
+    count: int = 0  # of them; 0 without end
+    at_once: bool = True  # the first one; else as far behind
+    waits: bool = False  # until `Resume` begins it
+    lag_s: float = 0.0  # mean delay until that it is due is noticed
+
+
+@dataclass(frozen=True)
+class Resume:
+    """Begin what waits."""
+
+    unit: Unit
+
+
+@dataclass(frozen=True)
+class Cease:
+    """Take no more of them."""
+
+    unit: Unit
 
 
 @dataclass(frozen=True)
@@ -117,7 +141,7 @@ class Speed:
     mps: float
 
 
-Effect = Go | Stay | Shoot | ShootOnTheWay | Face | Tilt | Pan | Aim | Speed
+Effect = Go | Stay | Shoot | Repeat | Resume | Cease | Face | Tilt | Pan | Aim | Speed
 Effects = tuple[Effect, ...]
 Key = TypeVar("Key")
 P = ParamSpec("P")
@@ -230,10 +254,39 @@ def _roi(item: MissionItem, craft: Craft) -> Effects | None:
     return (Aim(GeoPoint(latitude, longitude, craft.height_m(item.frame, altitude))),)
 
 
-def _intervals(item: MissionItem, _craft: Craft) -> Effects:
-    if item.command == Command.DO_SET_CAM_TRIGG_DIST and item.params[2] == 1.0:
+_LOOK_S = 0.02
+"""An ArduPilot looks for photographs that are due 50 times a second (AP_Camera_Backend::update)."""
+_PX4_LOOK_S = 0.05
+"""Time between a PX4's looks at the distance flown (CameraTrigger::Run)."""
+
+
+def _by_distance(item: MissionItem, craft: Craft) -> Effects:
+    """The first one at once where parameter 3 says so; a PX4's always is (CameraTrigger::update_distance)."""
+    metres, at_once, px4 = item.params[0], item.params[2] > 0.0, craft.autopilot.in_order
+    if metres > 0.0:
+        return (Repeat(metres, "m", at_once=at_once or px4, lag_s=(_PX4_LOOK_S if px4 else _LOOK_S) / 2.0),)
+    return (Cease("m"), Shoot()) if at_once else (Cease("m"),)
+
+
+def _start_capture(item: MissionItem, craft: Craft) -> Effects | None:
+    """By time, as AP_Mission::start_command_camera and MAVLink's camera protocol; an ArduPilot takes one for 0, 0."""
+    every, number = item.params[1:3]
+    ardupilot = not craft.autopilot.in_order
+    if number == 1.0 or (ardupilot and number == every == 0.0):
         return (Shoot(),)
-    return (ShootOnTheWay(),) if item.params[0] > 0.0 else ()
+    if not every > 0.0:
+        return None
+    return (Repeat(every, "s", int(_seconds(number)), lag_s=_LOOK_S / 2.0 if ardupilot else 0.0),)
+
+
+def _by_time(item: MissionItem, _craft: Craft) -> Effects:
+    """A PX4's interval in milliseconds, which counts from DO_TRIGGER_CONTROL on (CameraTrigger::Run)."""
+    return (Repeat(item.params[0] / 1000.0, "s", waits=True),) if item.params[0] > 0.0 else ()
+
+
+def _control(item: MissionItem, _craft: Craft) -> Effects:
+    runs = item.params[0] == 1.0 and item.params[2] != 1.0
+    return (Resume("s"),) if runs else (Cease("s"),)
 
 
 _UPRIGHT_DEG = 1.0
@@ -288,13 +341,16 @@ _BOTH: Mapping[int, ItemRow] = {
     Command.DO_SET_ROI_NONE: (Aim(None),),
     Command.DO_MOUNT_CONTROL: _mount,
     Command.DO_GIMBAL_MANAGER_PITCHYAW: _pitch_yaw,
-    Command.IMAGE_START_CAPTURE: (Shoot(),),
+    Command.IMAGE_START_CAPTURE: _start_capture,
+    Command.IMAGE_STOP_CAPTURE: (Cease("s"),),
     Command.DO_DIGICAM_CONTROL: _digicam,
-    **dict.fromkeys(INTERVALS, _intervals),
+    Command.DO_SET_CAM_TRIGG_DIST: _by_distance,
+    Command.DO_SET_CAM_TRIGG_INTERVAL: _by_time,
+    Command.DO_TRIGGER_CONTROL: _control,
     Command.DO_MOUNT_CONFIGURE: lambda item, _craft: () if item.params[0] == _TARGETING else None,
     **dict.fromkeys((
         Command.DO_LAND_START, Command.DO_FENCE_ENABLE, Command.DO_SET_RESUME_REPEAT_DIST,
-        Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS, Command.IMAGE_STOP_CAPTURE,
+        Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS,
         Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG,
     ), ()),
 }  # fmt: skip

@@ -32,6 +32,10 @@ class Photograph:
     pitch_why: str = ""
     never: str = ""  # why it is not taken at all
     legs: int = 0  # flown before it: those taken standing in one place have as many
+    time_s: float = 0.0  # on the flight's clock
+    repeat: int | None = None  # which of the commands that photograph on the way takes it, from 0; None: none does
+    leg: int | None = None  # of `Execution.legs`, the one that it is taken on; None where it is not taken on the way
+    speed_mps: float = 0.0  # over the ground, of those
 
 
 @dataclass(frozen=True)
@@ -45,14 +49,14 @@ class FlownLeg:
 
 @dataclass(frozen=True)
 class Execution:
-    """A whole flight: photographs in the order of the file, legs in the order they are flown."""
+    """A whole flight: photographs in the order they are taken, legs in that of flying."""
 
     photographs: tuple[Photograph, ...]
     legs: tuple[FlownLeg, ...]
     seconds: float  # estimated
     skipped: tuple[tuple[int, str], ...] = ()  # not carried out although the autopilot has them: number and why
     refused: tuple[tuple[int, str], ...] = ()  # nobody can say the photographs of: number, and words that name it
-    uncounted: bool = False  # photographs are taken that are not among these
+    endless: tuple[int, ...] = ()  # numbers of items whose photographs on the way nothing ends
 
     @property
     def length_m(self) -> float:

@@ -13,18 +13,21 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from fieldkit.missions.autopilots.acceptance import refusal
+from fieldkit.missions.autopilots.continuous import Flown, Ordered, photographs_on_the_way
 from fieldkit.missions.autopilots.course import Numbered, course
 from fieldkit.missions.autopilots.effects import (
     AUTOPILOTS,
     GOING,
     TAKEOFFS,
+    Cease,
     Craft,
     Effect,
     Effects,
     Face,
     Go,
+    Repeat,
+    Resume,
     Shoot,
-    ShootOnTheWay,
     Stay,
     cannot_say,
 )
@@ -33,7 +36,7 @@ from fieldkit.missions.autopilots.state import State, Turn, begun, camera_moves,
 from fieldkit.missions.files.read_mission import FREE, LAND, ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import GeoPoint, Home
-from fieldkit.routing.motion import Leg, Way, leg
+from fieldkit.routing.motion import Leg, Way, leg, turn_deg
 from fieldkit.vehicles.vehicle import Vehicle
 
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
@@ -63,14 +66,14 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
     """Carry a mission out as a vehicle of a dialect does; the dialect is of no matter for a file without items."""
     log = _Log(refused=dict(read.refused))
     if read.stops:
-        return log.ended(_fly_stops(log, read, vehicle))
+        return log.ended(_fly_stops(log, read, vehicle), read.home)
     craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]), read.rally)
     followed = course(read, dialect)
     state = (_fly_in_order if craft.autopilot.in_order else _fly_in_queues)(craft, log, followed.numbered)
     for number, item in followed.behind:
         lost = f"{followed.ended_by} ends the mission"
         state = _do(craft, log, state, number, *log.effects(craft, number, item, lost, told=True))
-    return log.ended(state)
+    return log.ended(state, read.home)
 
 
 @dataclass
@@ -81,7 +84,9 @@ class _Log:
     legs: list[FlownLeg] = field(default_factory=list)
     skipped: list[tuple[int, str]] = field(default_factory=list)
     refused: dict[int, str] = field(default_factory=dict)
-    uncounted: bool = False
+    ways: list[Flown] = field(default_factory=list)
+    states: list[tuple[float, State]] = field(default_factory=list)
+    orders: list[Ordered] = field(default_factory=list)
     still: list[tuple[int, float]] = field(default_factory=list)
 
     def effects(self, craft: Craft, number: int, item: MissionItem, lost: str = "", *, told: bool = False) -> Effects:
@@ -93,7 +98,7 @@ class _Log:
         jumps = item.command == Command.DO_JUMP and not told and lost != _REFUSED  # also behind the last NAV item
         if lost and not jumps:
             self.skipped += [] if told else [(number, lost)]
-            return (Shoot(never=lost),) if any(isinstance(effect, Shoot) for effect in effects or ()) else ()
+            return (Shoot(never=lost),) if any(isinstance(effect, (Shoot, Repeat)) for effect in effects or ()) else ()
         if effects is None:
             self.refused.setdefault(number, cannot_say(f"item {number} is {item.name}"))
             return (Go(item),) if item.command in GOING else ()
@@ -110,21 +115,31 @@ class _Log:
             self.photographs[k] = replace(self.photographs[k], after_s=max(clock_s - taken_s, 0.0))
         self.still = []
 
-    def fly(self, number: int, start: GeoPoint | None, path: tuple[GeoPoint, ...], clock_s: float) -> None:
+    def fly(
+        self, number: int, start: GeoPoint | None, path: tuple[GeoPoint, ...], way: Leg | Way, leaving: State
+    ) -> None:
         """Leave for other places; legs begin at a place that is known."""
-        self.stand_no_more(clock_s)
+        self.stand_no_more(leaving.clock_s)
+        self.states.append((leaving.clock_s, leaving))
         places = path if start is None else (start, *path)
+        self.ways.append(Flown(number, len(self.legs), places, way, leaving.clock_s))
         self.legs += [FlownLeg(a, b, number) for a, b in pairwise(places)]
 
-    def ended(self, state: State) -> Execution:
+    def ended(self, state: State, home: Home | None) -> Execution:
         self.stand_no_more(state.clock_s)
+        on_the_way, endless = photographs_on_the_way(
+            self.orders, self.ways, self.states, self.legs, home, state.clock_s
+        )
+        taken = (
+            sorted([*self.photographs, *on_the_way], key=lambda shot: shot.time_s) if on_the_way else self.photographs
+        )
         return Execution(
-            tuple(self.photographs),
+            tuple(replace(shot, station=k) for k, shot in enumerate(taken)),
             tuple(self.legs),
             state.clock_s,
             tuple(self.skipped),
             tuple(sorted(self.refused.items())),
-            self.uncounted,
+            tuple(endless),
         )
 
 
@@ -135,9 +150,11 @@ def _do(craft: Craft, log: _Log, state: State, number: int, *effects: Effect) ->
             log.shoot(photograph(state, number, len(log.photographs), effect), state.clock_s)
         elif isinstance(effect, Go):
             state = _go(craft, log, state, number, effect)
+        elif isinstance(effect, Repeat | Resume | Cease):
+            log.orders.append(Ordered(number, state.clock_s, effect))
         else:
-            log.uncounted = log.uncounted or isinstance(effect, ShootOnTheWay)
             before, state = state, carried_out(state, effect, craft.vehicle)
+            log.states.append((before.clock_s, state))
             if camera_moves(before, state):
                 log.stand_no_more(before.clock_s)
     return state
@@ -173,7 +190,7 @@ def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
             following = None
         there, way, path = gone(craft, state, go, following)
         nav = _Nav(number, state, way, path, state.clock_s + way.seconds + go.dwell_s)
-        log.fly(number, state.here, path, state.clock_s)
+        log.fly(number, state.here, path, way, replace(state, commanded=False))
         state = replace(
             _run(craft, log, there, queue, nav),
             clock_s=nav.over_s,
@@ -246,12 +263,12 @@ def _fly_in_order(craft: Craft, log: _Log, numbered: Numbered) -> State:
 def _go(craft: Craft, log: _Log, state: State, number: int, go: Go) -> State:
     """A PX4 on its way to an item's place."""
     there, way, path = gone(craft, state, go)
-    log.fly(number, state.here, path, state.clock_s)
     clock, turn, yaw_deg = state.clock_s + way.seconds, state.turn, go.item.params[3]
     commanded = math.isfinite(yaw_deg)
     if commanded:  # the hold waits for the heading, too
         turn = turn.turned(Face(yaw_deg), state.clock_s, craft.vehicle.speeds)
         clock = max(clock, turn.over_s)
+    log.fly(number, state.here, path, way, replace(state, turn=turn, commanded=commanded))
     return replace(
         there,
         clock_s=clock + go.dwell_s,
@@ -283,7 +300,7 @@ def _fly_stops(log: _Log, read: ReadMission, vehicle: Vehicle) -> State:
     for before, stop in zip((None, *read.stops[:-1]), read.stops, strict=True):
         state = _do(craft, log, state, stop.number, *stop.before)
         state = _at_stop(craft, log, state, before, stop, ends.speed_mps)
-        state = _do(craft, log, state, stop.number, *stop.actions)
+        state = _do(craft, log, state, stop.number, *stop.ceases, *stop.actions, *stop.repeats)
     return _do(craft, log, state, last.number, *ends.finish)
 
 
@@ -296,14 +313,15 @@ def _at_stop(
     path: tuple[GeoPoint, ...] = (place,)
     if before is None and start is not None and start.height_m > height:
         path = (replace(place, height_m=start.height_m), place)
-    log.fly(stop.number, start, path, state.clock_s)
     speed = (before or stop).speed_mps if before is not None or first_mps is None else first_mps
     speed = speed if speed is not None and speed > _SLOWEST_MPS else None
     ways = [] if start is None else [distance(a, b) for a, b in pairwise((start, *path))]
-    clock = state.clock_s + sum(leg(*way, craft.vehicle.speeds, speed).seconds for way in ways)
+    flown = Way(tuple(leg(*way, craft.vehicle.speeds, speed) for way in ways))
+    clock = state.clock_s + flown.seconds
     if stop.pitch_deg is not None and craft.vehicle.mount.kind != "fixed":
         gimbal = replace(gimbal, pitch_deg=stop.pitch_deg, pitch_why="")
     turn = _arrival_turn(state, before, stop, place)
+    log.fly(stop.number, start, path, flown, replace(state, turn=_on_the_way(state, turn, stop, clock), gimbal=gimbal))
     return replace(
         state,
         clock_s=clock,
@@ -314,6 +332,15 @@ def _at_stop(
         waypoint=stop.number,
         passing=not stop.stops,
     )
+
+
+def _on_the_way(state: State, arrival: Turn, stop: ReadStop, clock_s: float) -> Turn:
+    """The heading between waypoints: it turns evenly to the next one's angle; else it is that of the arrival."""
+    start, target = state.turn.at(state.clock_s), arrival.target_deg
+    if stop.facing.mode != "angle" or start is None or target is None or clock_s <= state.clock_s:
+        return arrival
+    angle = turn_deg(start, target)
+    return Turn(start, target, state.clock_s, angle, max(abs(angle), 1e-9) / (clock_s - state.clock_s))
 
 
 def _arrival_turn(state: State, before: ReadStop | None, stop: ReadStop, place: GeoPoint) -> Turn:

@@ -192,7 +192,9 @@ def camera_moves(before: State, after: State) -> bool:
 def photograph(state: State, number: int, index: int, shoot: Shoot) -> Photograph:
     """A photograph taken now and here, where the vehicle stands or passes, or never."""
     if shoot.never:
-        return Photograph(number, index, state.here, None, None, state.waypoint, never=shoot.never)
+        return Photograph(
+            number, index, state.here, None, None, state.waypoint, never=shoot.never, time_s=state.clock_s
+        )
     now, here, turn, gimbal = state.clock_s, state.here, state.turn, state.gimbal
     turns = state.commanded and not gimbal.locked
     turned = min(max(turn.over_s if turns else 0.0, gimbal.turned_s), now)
@@ -217,6 +219,7 @@ def photograph(state: State, number: int, index: int, shoot: Shoot) -> Photograp
         turning_s=max(turn.done_s - now, 0.0) if turns else 0.0,
         heading_why=(turn.why or gimbal.pan_why) if turns else "",
         pitch_why=gimbal.pitch_why,
+        time_s=now,
     )
 
 

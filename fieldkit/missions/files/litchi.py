@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import csv
 import io
+from itertools import groupby
 from pathlib import Path
 
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, cannot_say, effects_of
+from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, Unit, cannot_say, effects_of
 from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S, RoutePoint, route_points
 from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, number, read_text
@@ -33,6 +34,8 @@ _FOCUS = 1
 """Gimbal mode that looks at a point of interest."""
 _INTERPOLATE = 2
 """Gimbal mode that takes the waypoint's pitch."""
+_INTERVALS: dict[str, Unit] = {"photo_timeinterval": "s", "photo_distinterval": "m"}
+"""Columns of photographs up to the next waypoint."""
 _FEET_M = 0.3048
 """International foot, metres."""
 _REMEDY = "Export it again from Litchi's Mission Hub, or with `fieldkit export-mission --format litchi`."
@@ -114,10 +117,12 @@ def read_litchi(path: Path) -> ReadMission:
     stops = [_stop(row, k, refused) for k, row in enumerate(cells)]
     custom = "headings count only with Litchi's Heading Mode set to Custom, and it lands only with Finish Action Land"
     remarks = [warning("heading-mode", f"{custom}: no file can hold these")]
-    for k, row in enumerate(cells[:-1]):  # behind the last one there is no way
-        for name, unit in (("photo_timeinterval", "s"), ("photo_distinterval", "m")):
-            if (every := row.value(name) or 0.0) > 0.0:
-                remarks.append(in_passing(stops, every, unit, k, k + 1))
+    for name, unit in _INTERVALS.items():
+        intervals = [max(row.value(name) or 0.0, 0.0) for row in cells[:-1]]  # behind the last one there is no way
+        for every, rows in groupby(range(len(intervals)), intervals.__getitem__):
+            first, *others = rows
+            if every:  # alike from waypoint to waypoint, it goes on
+                remarks.append(in_passing(stops, every, unit, first, first + len(others) + 1))
     for before, stop, after in zip((None, *stops), stops, (*stops[1:], None), strict=False):
         if stop.pitch_deg is not None and not any(e is not None and e.pitch_deg is not None for e in (before, after)):
             message = "Litchi sets the gimbal's pitch only between waypoints that both have one: is it meant so?"

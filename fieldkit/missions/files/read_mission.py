@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from fieldkit.missions.autopilots.effects import Effects, Go, ShootOnTheWay
-from fieldkit.missions.findings import error
+from fieldkit.missions.autopilots.effects import Cease, Effects, Go, Repeat, Unit
+from fieldkit.missions.findings import warning
 from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import NO_FENCE, Fence, GeoPoint, Home
@@ -39,16 +39,19 @@ class ReadStop:
     facing: Facing = FREE
     pitch_deg: float | None = None  # of the gimbal on arrival, turned on the way; None where it stays as it was
     before: Effects = ()  # done before the way to it
+    ceases: Effects = ()  # what is not photographed on the way any more from there on
     actions: Effects = ()  # done there, one after the other
+    repeats: Effects = ()  # what is, after the actions
     stops: bool = True  # the vehicle stands still there
     speed_mps: float | None = None  # towards the next one
 
 
-def in_passing(stops: list[ReadStop], every: float, unit: str, start: int, end: int) -> Finding:
-    """Of photographs at intervals of so many seconds or metres from one of the stops to another."""
-    stops[start] = replace(stops[start], before=(*stops[start].before, ShootOnTheWay()))
-    message = f"photographs are taken every {every:g} {unit} up to waypoint {end}, on the way: they are not counted"
-    return error("photo-interval", message, start)
+def in_passing(stops: list[ReadStop], every: float, unit: Unit, start: int, end: int) -> Finding:
+    """Let photographs be taken at intervals of so many seconds or metres from one of the stops to another."""
+    stops[start] = replace(stops[start], repeats=(*stops[start].repeats, Repeat(every, unit)))
+    stops[end] = replace(stops[end], ceases=(*stops[end].ceases, Cease(unit)))
+    message = "no document says whether the first of its photographs on the way is taken at once: taken to be"
+    return warning("not-modelled", message, stops[start].number)
 
 
 LAND = Go(MissionItem(Command.NAV_LAND, Frame.GLOBAL_RELATIVE_ALT, (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0)), "land")

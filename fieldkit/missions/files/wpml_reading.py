@@ -32,6 +32,7 @@ from fieldkit.missions.autopilots.effects import (
     Pan,
     Shoot,
     Tilt,
+    Unit,
     Values,
     cannot_say,
     effects_of,
@@ -51,7 +52,7 @@ _SAME_DEG = 0.05
 """Difference within which two pitches are one, degrees."""
 _COLOUR = frozenset({"wide", "visable", "visible"})
 """payloadLensIndex of a colour camera; the second is DJI's spelling. Others are "zoom", "ir" and "narrow_band"."""
-_INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}
+_INTERVALS: dict[str, Unit] = {"multipleTiming": "s", "multipleDistance": "m"}
 
 
 def read_wpml(path: Path) -> ReadMission:
