@@ -8,7 +8,8 @@ are limited. Speed rises as a cosine; from rest to v it takes
 seconds (the ramp r), over v·r/2 metres. L metres at up to v take L/v + r(v), or 2·r with the r whose two ramps are the
 whole way: 2·∛(L/2j) where L ≤ 2a³/j², else a/2j + √((a/2j)² + L/a). v is the greatest speed along the way whose
 horizontal part is not above cruise and whose vertical part is not above the climb or descent rate. Measured on the legs
-of sim/sitl/mount_then_yaw: a waypoint counts as reached about 0.8 s after the curve has ended.
+of sim/sitl/mount_then_yaw: the copter follows the curve 0.42 s behind, and a waypoint counts as reached about 0.8 s
+after the curve has ended.
 
 A waypoint without a hold is passed: ArduPilot begins the next curve while the one before still ends, and moves by the
 sum of both (`corner`).
@@ -31,6 +32,8 @@ JERK_MPS3 = 1.0
 """ArduPilot's WPNAV_JERK as it comes."""
 ARRIVAL_LAG_S = 0.8
 """From the end of the curve until the waypoint counts as reached (measured)."""
+FOLLOWS_S = 0.42
+"""From the curve until the copter is there (measured)."""
 TURN_LAG_S = 0.15
 """Added to every turn: acceleration about the vertical axis (measured: 0.1 to 0.2 s)."""
 
@@ -62,14 +65,22 @@ class Leg:
 
     @property
     def seconds(self) -> float:
-        """From one waypoint's being reached until the other's."""
-        return self.curve_s - self.ahead_s - self.left_s + (0.0 if self.left_s > 0.0 else ARRIVAL_LAG_S)
+        """From one waypoint's being reached until the other's; one that is passed is as the copter passes it."""
+        behind_s = FOLLOWS_S if self.left_s > 0.0 else ARRIVAL_LAG_S
+        return self.curve_s - self.moves_s - self.left_s + behind_s - FOLLOWS_S
+
+    @property
+    def moves_s(self) -> float:
+        """When the copter begins to move, before the waypoint at its beginning counted as reached; negative: after."""
+        return self.ahead_s if self.ahead_s > 0.0 else -FOLLOWS_S
 
     def fraction(self, after_s: float) -> float:
         """Share of the way that lies behind, 0…1, so many seconds after the waypoint at its beginning was reached."""
-        t, whole = max(after_s, 0.0) + self.ahead_s, self.curve_s
+        t, whole = after_s + self.moves_s, self.curve_s
         if self.length_m <= 0.0 or t >= whole:
             return 1.0
+        if t <= 0.0:
+            return 0.0
         if t > whole / 2.0:
             return 1.0 - self.risen(whole - t) / self.length_m
         return self.risen(t) / self.length_m

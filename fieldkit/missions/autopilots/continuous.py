@@ -8,7 +8,6 @@ a PX4's timer and DJI's apps keep it.
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,8 +26,6 @@ MOST_PHOTOGRAPHS = 20_000
 """Most photographs of a command: more are a mistake, and take minutes."""
 _STEP_S = 0.02
 """Step of time in which distances are looked for, seconds; between steps they are interpolated."""
-FOLLOWS_S = 0.42
-"""A copter is that far behind where its planner wants it, seconds (measured on the legs of sim/sitl)."""
 _UPRIGHT_M = 0.1
 """Length over the ground of a leg that has no course, metres."""
 _NOBODY = "nothing turns the vehicle; taken to fly nose first, as autopilots do unless set otherwise"
@@ -67,11 +64,11 @@ class Track:
     """
 
     frame: SiteFrame
-    start: FloatArray
-    """(3,) site frame."""
     ways: Sequence[Flown]
     paths: Sequence[FloatArray]
     """(k, 3) of each, site frame."""
+    spans: FloatArray
+    """(n, 2) from when until when each moves the vehicle."""
 
     @classmethod
     def of(cls, ways: Sequence[Flown], home: Home | None) -> Track | None:
@@ -86,31 +83,33 @@ class Track:
         if not np.isfinite(points[:, 2]).all():
             points[:, 2] = np.nan
         paths = np.split(points, np.cumsum([len(way.path) for way in ways])[:-1])
-        return cls(frame, paths[0][0], ways, paths)
+        return cls(frame, ways, paths, np.array([_span(way) for way in ways]))
 
     def places(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, 3) places at rising times, and (n,) which leg is flown then."""
         moved, after = np.zeros((len(times), 3)), np.zeros((len(times) + 1, 3))
-        legs = np.zeros(len(times), dtype=np.intp)
-        for flown, path in zip(self.ways, self.paths, strict=True):
-            begin, end = _span(flown)
-            ahead_s = -flown.way.ahead_s if isinstance(flown.way, Leg) else 0.0
-            first, last = (int(k) for k in np.searchsorted(times, (begin, end)))
+        over, begun = np.searchsorted(self.spans[:, 1], times[0]), np.searchsorted(self.spans[:, 0], times[-1])
+        before = self.paths[max(over - 1, 0)]
+        legs = np.full(len(times), self.ways[max(over - 1, 0)].leg + len(before) - 2)
+        start = before[-1] if over else before[0]
+        for k in range(over, begun):
+            flown, path = self.ways[k], self.paths[k]
+            first, last = (int(i) for i in np.searchsorted(times, self.spans[k]))
             after[last] += path[-1] - path[0]
             if first < last:
-                shares = np.array([flown.way.fraction(t) for t in (times[first:last] - begin + ahead_s).tolist()])
+                shares = np.array([flown.way.fraction(t) for t in (times[first:last] - flown.begun_s).tolist()])
                 steps = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(np.nan_to_num(path), axis=0), axis=1))])
                 on_way = shares * steps[-1]
                 moved[first:last] += np.column_stack([np.interp(on_way, steps, axis) for axis in path.T]) - path[0]
                 legs[first:last] = flown.leg + np.searchsorted(steps[1:-1], on_way)
             legs[last:] = flown.leg + len(path) - 2
-        return self.start + moved + np.cumsum(after[:-1], axis=0), legs
+        return start + moved + np.cumsum(after[:-1], axis=0), legs
 
 
 def _span(flown: Flown) -> tuple[float, float]:
     """From when until when a way moves the vehicle."""
     if isinstance(flown.way, Leg):
-        begin = flown.begun_s - flown.way.ahead_s + FOLLOWS_S
+        begin = flown.begun_s - flown.way.moves_s
         return begin, begin + flown.way.curve_s
     return flown.begun_s, flown.begun_s + flown.way.seconds
 
@@ -150,32 +149,41 @@ def photographs_on_the_way(
     track = Track.of(ways, home) if orders else None
     if track is None:
         return [], []
-    taken: list[Photograph] = []
     endless: list[int] = []
-    clocks = [clock for clock, _ in states]
+    items: list[int] = []
+    parts: list[FloatArray] = []
     for number, (order, repeat, until_s, ended) in enumerate(runs(orders, end_s)):
         if not ended and not repeat.count:
             endless.append(order.item)
+        items.append(order.item)
         grid = np.arange(order.clock_s, until_s + _STEP_S, _STEP_S)
         places, legs_at = track.places(grid)
         due = _by_distance(repeat, grid, places) if repeat.unit == "m" else _by_time(repeat, order.clock_s, until_s)
         due = due[due < until_s][: repeat.count or MOST_PHOTOGRAPHS]
-        there = np.column_stack([np.interp(due, grid, axis) for axis in places.T])
-        speeds = np.gradient(places[:, :2], _STEP_S, axis=0) if len(grid) > 1 else np.zeros((1, 2))
-        moves = np.column_stack([np.interp(due, grid, axis) for axis in speeds.T])
+        speeds = np.hypot(*np.gradient(places[:, :2], _STEP_S, axis=0).T) if len(grid) > 1 else np.zeros(1)
+        there = [np.interp(due, grid, values) for values in (*places.T, speeds)]
         on_leg = legs_at[np.minimum(np.searchsorted(grid, due), len(grid) - 1)]
-        for clock, place, (east, north), leg in zip(
-            due.tolist(), track.frame.places(there), moves.tolist(), on_leg.tolist(), strict=True
-        ):
-            state = replace(states[max(bisect_right(clocks, clock) - 1, 0)][1], clock_s=clock, here=place)
-            if not state.commanded:
-                level = distance(legs[leg].start, legs[leg].end)[0] > _UPRIGHT_M
-                course = aim(legs[leg].start, legs[leg].end)[0]
-                state = replace(state, commanded=level, turn=Turn(course, course, why=_NOBODY))
-            shot = photograph(state, order.item, 0, Shoot(settles=True))
-            speed = math.hypot(east, north)
-            taken.append(replace(shot, moving=True, legs=leg + 1, repeat=number, leg=leg, speed_mps=speed))
+        parts.append(np.column_stack([due, *there, on_leg, np.full(len(due), number)]))
+    if not parts:
+        return [], endless
+    table = np.concatenate(parts)
+    clocks = [clock for clock, _ in states]
+    courses = {leg: _course(legs[leg]) for leg in np.unique(table[:, 5].astype(int)).tolist()}
+    taken: list[Photograph] = []
+    for (clock, *_, speed, at, run), place in zip(table.tolist(), track.frame.places(table[:, 1:4]), strict=True):
+        leg, number = int(at), int(run)
+        state = replace(states[max(bisect_right(clocks, clock) - 1, 0)][1], clock_s=clock, here=place)
+        if not state.commanded:
+            course = courses[leg]
+            state = replace(state, commanded=course is not None, turn=Turn(course, course, why=_NOBODY))
+        shot = photograph(state, items[number], 0, Shoot(settles=True))
+        taken.append(replace(shot, moving=True, legs=leg + 1, repeat=number, leg=leg, speed_mps=speed))
     return taken, endless
+
+
+def _course(leg: FlownLeg) -> float | None:
+    """Compass heading of a leg; None of one straight up or down."""
+    return aim(leg.start, leg.end)[0] if distance(leg.start, leg.end)[0] > _UPRIGHT_M else None
 
 
 def _by_time(repeat: Repeat, begun_s: float, until_s: float) -> FloatArray:
