@@ -190,7 +190,7 @@ def _by_time(repeat: Repeat, begun_s: float, until_s: float) -> FloatArray:
     """(n,) times at which photographs are taken."""
     most = min(int((until_s - begun_s) / repeat.every) + 1, MOST_PHOTOGRAPHS)
     first = 0.0 if repeat.at_once else repeat.every
-    times: FloatArray = begun_s + repeat.lag_s + first + (repeat.every + repeat.lag_s) * np.arange(most)
+    times: FloatArray = begun_s + repeat.lag_s + first + (repeat.every + repeat.lag_s) * np.arange(most, dtype=np.float64)
     return times
 
 
@@ -198,7 +198,7 @@ def _by_distance(repeat: Repeat, grid: FloatArray, places: FloatArray) -> FloatA
     """(n,) times at which photographs are taken along places (m, 3) at times (m,)."""
     level, ahead = places[:, :2], 64
     times = [float(grid[0]) + repeat.lag_s] if repeat.at_once else []
-    k, last = 0, level[0]
+    k, last = 0, np.array(level[0])
     if repeat.at_once:
         last = np.array([np.interp(times[0], grid, axis) for axis in level.T])
     while k < len(grid) and len(times) < MOST_PHOTOGRAPHS:

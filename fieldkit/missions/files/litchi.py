@@ -119,9 +119,9 @@ def read_litchi(path: Path) -> ReadMission:
     remarks = [warning("heading-mode", f"{custom}: no file can hold these")]
     for name, unit in _INTERVALS.items():
         intervals = [max(row.value(name) or 0.0, 0.0) for row in cells[:-1]]  # behind the last one there is no way
-        for every, rows in groupby(range(len(intervals)), intervals.__getitem__):
-            first, *others = rows
-            if every:  # alike from waypoint to waypoint, it goes on
+        for every, alike in groupby(range(len(intervals)), intervals.__getitem__):
+            first, *others = alike
+            if every:  # from waypoint to waypoint the same, it goes on
                 remarks.append(in_passing(stops, every, unit, first, first + len(others) + 1))
     for before, stop, after in zip((None, *stops), stops, (*stops[1:], None), strict=False):
         if stop.pitch_deg is not None and not any(e is not None and e.pitch_deg is not None for e in (before, after)):
