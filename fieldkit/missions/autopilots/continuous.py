@@ -189,8 +189,8 @@ def _course(leg: FlownLeg) -> float | None:
 def _by_time(repeat: Repeat, begun_s: float, until_s: float) -> FloatArray:
     """(n,) times at which photographs are taken."""
     most = min(int((until_s - begun_s) / repeat.every) + 1, MOST_PHOTOGRAPHS)
-    first = 0.0 if repeat.at_once else repeat.every
-    times: FloatArray = begun_s + repeat.lag_s + first + (repeat.every + repeat.lag_s) * np.arange(most, dtype=np.float64)
+    first_s = begun_s + repeat.lag_s + (0.0 if repeat.at_once else repeat.every)
+    times: FloatArray = first_s + (repeat.every + repeat.lag_s) * np.arange(most, dtype=np.float64)
     return times
 
 
