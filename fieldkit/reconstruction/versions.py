@@ -23,7 +23,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "mapping": 18,  # poses, intrinsics, sparse points, what pairs say
         "frame": 2,  # plot frame, ground, volume of interest
         "views": 5,  # undistorted photographs and masks
-        "depth": 6,  # dense stereo
+        "depth": 7,  # dense stereo
         "fusion": 8,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it

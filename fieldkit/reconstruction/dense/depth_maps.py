@@ -47,6 +47,9 @@ _BYTES_OF_PIXEL = 40
 _BYTES_OF_MATCHED = 50
 """Bytes a matched pixel (measured, docs/decisions.md)."""
 _VERSION = STAGES["depth"]
+_BEHIND_PX = 5
+"""Side of the squares of a coarser level's pixels that all have to show what lies behind the volume for those of the
+finer level not to be matched. A quarter of a plot's pixels show its neighbours."""
 _KEPT = 32
 """Number of views of which what others need is kept."""
 _GEOMETRIC_SWEEP = 1.5
@@ -248,7 +251,12 @@ def reduced(view: View, level: int) -> View:
 def _carry_over(
     planes: Float32Array, fresh: BoolArray, active: Active, coarse: Active, result: Planes, factor: float
 ) -> None:
-    """Planes of the coarser level as a start, where it has one at the pixel; written into ``planes``, ``fresh``."""
+    """Planes of the coarser level as a start, where it has one at the pixel; written into ``planes``, ``fresh``.
+
+    Those of pixels that show what lies behind the volume are 0.
+    """
+    import cv2
+
     position = (active.pixels + 0.5) / factor - 0.5
     shape = np.array(coarse.place.shape)
     nearest = np.clip(np.rint(position).astype(np.int64), 0, shape - 1)
@@ -260,3 +268,7 @@ def _carry_over(
     planes[known, 0] = np.clip(w, active.ranges[known, 0], active.ranges[known, 1])
     planes[known, 1:] = source[:, 1:] / np.float32(factor)
     fresh[known] = False
+    behind = np.ones(coarse.place.shape, dtype=np.uint8)
+    behind[coarse.pixels[:, 0], coarse.pixels[:, 1]] = ~coarse.inside(result.planes[:, 0])
+    alone = cv2.erode(behind, np.ones((_BEHIND_PX, _BEHIND_PX), dtype=np.uint8))
+    planes[known & (alone[nearest[:, 0], nearest[:, 1]] > 0)] = 0.0

@@ -62,7 +62,8 @@ class Planes(NamedTuple):
     """Plane hypotheses of a view's active pixels."""
 
     planes: Float32Array
-    """(n, 3) float32 (w, g_u, g_v): inverse depth (1/m) and its change per pixel to the right and down."""
+    """(n, 3) float32 (w, g_u, g_v): inverse depth (1/m) and its change per pixel to the right and down. w is 0 where a
+    pixel shows what lies behind the volume: it is left alone."""
     costs: Float32Array
     """(n,) float32."""
 
@@ -148,7 +149,8 @@ def _sample_cost(stereo, k, p, x0, y0, a_x, a_y, b_x, b_y):
         row = int32(y)
         f_x = x - float32(column)
         f_y = y - float32(row)
-        four = packed[base + np.intp(row) * stride + np.intp(column)]
+        # Unsigned, or numba asks of every sample whether it counts from the end.
+        four = packed[uint64(base + np.intp(row) * stride + np.intp(column))]
         p00 = float32(int32(four & uint32(255)))
         p01 = float32(int32((four >> uint32(8)) & uint32(255)))
         p10 = float32(int32((four >> uint32(16)) & uint32(255)))
@@ -165,8 +167,8 @@ def _sample_cost(stereo, k, p, x0, y0, a_x, a_y, b_x, b_y):
 
 
 @inline_fast_kernel
-def _cost(stereo, agreement, p, u, v, w, g_u, g_v):
-    """Cost of a plane at pixel ``p``, which is (u, v)."""
+def _cost(stereo, agreement, p, u, v, w, g_u, g_v, limit):
+    """Cost of a plane at pixel ``p``, which is (u, v); where it is above ``limit``, anything above."""
     sizes, cameras, best, slack = stereo.sizes, stereo.cameras, stereo.best, stereo.slack
     first = float32(9.0)
     second = float32(9.0)
@@ -206,6 +208,9 @@ def _cost(stereo, agreement, p, u, v, w, g_u, g_v):
         worst = max(worse, second)
         second = min(worse, second)
         third = min(worst, third)
+        # One view is left: even if it cost nothing, the mean over two would be above the limit.
+        if k == sizes.shape[0] - 2 and min(first, slack) > float32(2.0) * limit:
+            return first
     if best == 1:
         return first
     if best == 2:
@@ -283,12 +288,14 @@ def start(found, fresh, active, stereo, nothing, key, starts):
         seed = _mix(key ^ (uint64(pixels[p, 0]) << uint64(32)) ^ uint64(pixels[p, 1]))
         lowest = float32(9.0)
         if not fresh[p]:
-            lowest = _cost(stereo, nothing, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2])
+            if planes[p, 0] <= float32(0.0):
+                continue
+            lowest = _cost(stereo, nothing, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2], lowest)
         for i in range(starts):
             state = _mix(seed + uint64(i + 1) * uint64(0x9E3779B97F4A7C15))
             w = low + span * (float32(i) + _uniform(state)) / float32(starts)
             g_u, g_v = _tilt(_mix(state ^ uint64(0x5851F42D4C957F2D)), u, v, w, stereo.lens, steepest)
-            cost = _cost(stereo, nothing, p, u, v, w, g_u, g_v)
+            cost = _cost(stereo, nothing, p, u, v, w, g_u, g_v, lowest)
             if cost < lowest:
                 lowest = cost
                 planes[p, 0] = w
@@ -315,7 +322,7 @@ def sweep(found, active, stereo, agreement, steps, key, color, step):
     for p in range(pixels.shape[0]):
         row = pixels[p, 0]
         column = pixels[p, 1]
-        if (row + column) % 2 != color:
+        if (row + column) % 2 != color or planes[p, 0] <= float32(0.0):
             continue
         v = float32(row)
         u = float32(column)
@@ -358,7 +365,7 @@ def sweep(found, active, stereo, agreement, steps, key, color, step):
             tried[count, 1] = n_u
             tried[count, 2] = n_v
             count += 1
-            cost = _cost(stereo, agreement, p, u, v, n_w, n_u, n_v)
+            cost = _cost(stereo, agreement, p, u, v, n_w, n_u, n_v, lowest)
             if cost < lowest:
                 lowest = cost
                 w = n_w
@@ -380,7 +387,7 @@ def sweep(found, active, stereo, agreement, steps, key, color, step):
             reach *= float32(0.5)
             if n_w < low or n_w > high:
                 continue
-            cost = _cost(stereo, agreement, p, u, v, n_w, n_u, n_v)
+            cost = _cost(stereo, agreement, p, u, v, n_w, n_u, n_v, lowest)
             if cost < lowest:
                 lowest = cost
                 w = n_w
@@ -455,9 +462,9 @@ def adopt(found, carried, active, stereo, agreement):
     pixels, ranges = active.pixels, active.ranges
     for p in range(pixels.shape[0]):
         w, g_u, g_v = carried[p, 0], carried[p, 1], carried[p, 2]
-        if w < ranges[p, 0] or w > ranges[p, 1]:
+        if planes[p, 0] <= float32(0.0) or w < ranges[p, 0] or w > ranges[p, 1]:
             continue
-        cost = _cost(stereo, agreement, p, float32(pixels[p, 1]), float32(pixels[p, 0]), w, g_u, g_v)
+        cost = _cost(stereo, agreement, p, float32(pixels[p, 1]), float32(pixels[p, 0]), w, g_u, g_v, costs[p])
         if cost < costs[p]:
             costs[p] = cost
             planes[p, 0] = w
@@ -472,4 +479,5 @@ def score(found, active, stereo, agreement):
     pixels = active.pixels
     for p in range(pixels.shape[0]):
         u, v = float32(pixels[p, 1]), float32(pixels[p, 0])
-        costs[p] = _cost(stereo, agreement, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2])
+        if planes[p, 0] > float32(0.0):
+            costs[p] = _cost(stereo, agreement, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2], float32(9.0))

@@ -6,6 +6,7 @@ import pytest
 from fieldkit.cache import StageCache
 from fieldkit.reconstruction.dense import DepthMap, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
+from fieldkit.reconstruction.dense.matching import UNMATCHED
 from fieldkit.runtime.context import Context
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
@@ -69,6 +70,29 @@ def test_what_lies_behind_the_volume_is_left_out():
     found = depth_maps(views)
     assert np.mean([(f.depth > 0).mean() for f in found]) < 0.2
     assert len(fuse(views, found, VOLUME)[0]) < 500
+
+
+def test_what_lies_behind_the_volume_is_matched_on_the_coarsest_level_only(monkeypatch):
+    monkeypatch.setattr(module, "COARSEST", 12_000)
+    front = Plane(height=0.25, half=0.15, seed=3, tint=(0.5, 1.0, 0.4))
+    views, truth = scene_views([Plane(height=-0.8, half=3.0), front], ring(6))
+    matched, to_depth_map = [], module.to_depth_map
+
+    def spy(view, active, planes, memory):
+        behind = planes.planes[:, 0] == 0.0
+        assert not active.inside(planes.planes[:, 0])[behind].any()
+        assert (planes.costs[behind] == UNMATCHED).all()
+        matched.append(1.0 - behind.mean())
+        return to_depth_map(view, active, planes, memory)
+
+    monkeypatch.setattr(module, "to_depth_map", spy)
+    shares = []
+    for depth_map, depth in zip(depth_maps(views), truth, strict=True):
+        near = depth < 1.3
+        shares.append(near.mean())
+        found = depth_map.depth[near]
+        assert np.mean(np.abs(found - depth[near]) < 0.01 * depth[near]) > 0.9
+    assert np.mean(shares) < np.mean(matched) < 0.5
 
 
 def test_a_view_without_neighbours_has_no_depths():
