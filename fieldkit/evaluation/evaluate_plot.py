@@ -64,7 +64,11 @@ LAZ_FILE = "cloud.laz"
 RESERVED = (EVALUATION_FILE, PLOTS_FILE, ROWS_FILE, TRAITS_FILE, VISIT_FILE)
 """Names of an evaluation's and of a visit's own files, which no plot's folder has."""
 _MOST_RAISES = 2
-"""How often a volume is made twice as high: sparse points may have missed high plants."""
+"""How often a volume is made higher: sparse points may have missed high plants."""
+_RAISE = 1.5
+"""By which a volume is higher each time."""
+_BELOW_CAMERAS = 0.7
+"""Height of the highest volume as a share of the lowest camera's: a pixel nearer to it says nothing of plants."""
 _DOUBTS = 3.0
 """Standard errors of the scale beyond which a fitted one contradicts it."""
 _OTHER_SHARE = 0.04
@@ -110,7 +114,7 @@ class PlacedPlot:
         cameras = min(float(pose.center[2]) for pose in self.sparse.poses.values())
         for _ in range(_MOST_RAISES):
             lower, (x, y, upper) = found.volume.lower, found.volume.upper
-            top = min(2.0 * upper - lower[2], cameras)
+            top = lower[2] + min(_RAISE * (upper - lower[2]), _BELOW_CAMERAS * (cameras - lower[2]))
             if top <= upper or all(finding.code != VOLUME_CUTS_PLANTS for finding in found.sparse.findings):
                 break
             found = reconstruct_placed(self.sparse, Volume(lower, (x, y, top)), settings, context)

@@ -71,7 +71,13 @@ from fieldkit.wording import count
 DrawnPlot = tuple[SitePlot, Ring | None]
 """A plot and its polygon (latitude, longitude), or None."""
 MOST_VIEWS = 12
-"""Most photographs that a plot is reconstructed from: those that show it best."""
+"""Number of photographs that a plot is reconstructed from, those that show it best, where each shows all of it."""
+_MOST_NEAR_VIEWS = 40
+"""The most where they show parts of it."""
+_VIEWS_OF_PLACE = 9
+"""Number of these that have nine in ten places of the plot in the picture: as many as of twelve from 8 m."""
+_PLACES = 8
+"""Number of places along each side of a plot."""
 LEAST_VIEWS = 2
 """Least number of photographs that show a plot."""
 _BESIDE_M = 0.3
@@ -345,6 +351,17 @@ def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> V
     return Volume((*low.tolist(), float(feet.min()) - _BELOW_M), (*high.tolist(), top))
 
 
+def plot_views(sparse: SparseResult, volume: Volume) -> tuple[str, ...]:
+    """The photographs that a plot is reconstructed from, best first: more from near, where each shows a part of it."""
+    names = views_of(sparse.poses, sparse.intrinsics, volume, _MOST_NEAR_VIEWS)
+    x, y = (np.linspace(low, high, _PLACES) for low, high in zip(volume.lower[:2], volume.upper[:2], strict=True))
+    places = np.stack(np.meshgrid(x, y, volume.center[2]), axis=-1).reshape(-1, 3)
+    cameras = [sparse.intrinsics[name].without_distortion() for name in names]
+    seen = [camera.sees(sparse.poses[name].to_camera(places)) for camera, name in zip(cameras, names, strict=True)]
+    of_place = np.quantile(np.cumsum(seen, axis=0).reshape(len(names), -1), 0.1, axis=1)
+    return names[: max(MOST_VIEWS, int((of_place < _VIEWS_OF_PLACE).sum()) + 1)]
+
+
 def _field_ground(sparse: SparseResult, settings: ReconstructionSettings) -> FieldGround | None:
     points, well_seen = model_points(sparse.model), track_lengths(sparse.model) >= WELL_SEEN
     return FieldGround.of(points, sparse.poses, well_seen, seed=settings.seed)
@@ -395,7 +412,7 @@ def _evaluated(
     for (name, corners), known in zip(outlines.items(), grounds, strict=True):
         ground, sigma_m = known or (None, 0.0)
         volume = plot_volume(corners, points, ground)
-        views = views_of(sparse.poses, sparse.intrinsics, volume, MOST_VIEWS)
+        views = plot_views(sparse, volume)
         if len(views) < LEAST_VIEWS:
             error = CaptureError("is not in the pictures", remedy="Fly over it, or leave it out of the plots.")
             results[name] = failed_plot(name, error, photographs=len(views))

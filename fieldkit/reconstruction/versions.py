@@ -25,7 +25,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "views": 5,  # undistorted photographs and masks
         "depth": 7,  # dense stereo
         "fusion": 8,  # depth maps into one cloud
-        "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
+        "plants": 2,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
         "figures": 14,  # traits of plants, and what predictions are made from
         "adherence": 1,  # of a flight to its plan

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fieldkit.clouds import Cloud
-from fieldkit.evaluation.flight import motion_onto, plot_volume, row_outlines
+from fieldkit.clouds import Cloud, Volume
+from fieldkit.evaluation.flight import MOST_VIEWS, motion_onto, plot_views, plot_volume, row_outlines
 from fieldkit.evaluation.plot_photo import plot_photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -93,6 +93,16 @@ class TestVolume:
     def test_where_no_point_tells_the_height_it_is_that_of_the_field(self) -> None:
         beyond = self.points(2.0) + np.array([50.0, 0.0, 1.5])
         assert plot_volume(CORNERS, beyond, self.GROUND).upper[2] > 2.0
+
+
+@pytest.mark.parametrize(("height_m", "more"), [(8.0, False), (2.5, True)])
+def test_near_photographs_that_show_parts_of_a_plot_are_more(height_m: float, more: bool) -> None:
+    camera, volume = Intrinsics.pinhole(4000, 3000, 2950.0), Volume((0.7, -0.3, -0.1), (5.3, 1.8, 1.3))
+    x, y = np.meshgrid(np.arange(0.0, 6.0, 0.5), np.arange(-1.0, 3.0, 0.5))
+    places = [(a, b, height_m) for a, b in zip(x.ravel(), y.ravel(), strict=True)]
+    poses = {f"{k:04d}.jpg": Pose.from_yaw_pitch(place, 0.0, -80.0) for k, place in enumerate(places)}
+    flight = replace(reconstruction().sparse, poses=poses, intrinsics=dict.fromkeys(poses, camera))
+    assert (len(plot_views(flight, volume)) > MOST_VIEWS) == more
 
 
 def test_the_picture_of_a_plot_is_where_it_is_largest(tmp_path: Path) -> None:
