@@ -34,11 +34,18 @@ class RoutedFlight:
     """What autopilots get."""
     flight: Flight
     """Its route in the site frame, times and battery."""
+    foreseen: tuple[Shot | Via | Passing, ...] = ()
+    """Its stops with the photographs in passing as its file gives them."""
+
+    @property
+    def stops(self) -> tuple[Shot | Via | Passing, ...]:
+        """As they will be."""
+        return self.foreseen or self.mission.stops
 
     @property
     def photographs(self) -> int:
         """How many are taken."""
-        return len(self.mission.shots) * self.mission.burst + len(self.mission.passings)
+        return len(self.mission.shots) * self.mission.burst + sum(isinstance(stop, Passing) for stop in self.stops)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export import Routed, RoutedFlight, route_plan
-from fieldkit.missions.export_passes import passes_over, route_passes
+from fieldkit.missions.export_passes import foreseen, passes_over, route_passes
 from fieldkit.missions.export_record import geojson_bytes, mission_record
 from fieldkit.missions.files.formats import FORMATS, mission_bytes, read_mission_bytes
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
@@ -173,7 +173,8 @@ def route_for_files(
         read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), suffix)
         flown = interpret(replace(read, home=read.home or each.mission.home), vehicle, vehicle.dialect)
         time = each.flight.time.lasting(flown.seconds, vehicle)
-        return replace(each, flight=replace(each.flight, time=time, length_m=flown.length_m))
+        flight = replace(each.flight, time=time, length_m=flown.length_m)
+        return foreseen(replace(each, flight=flight), flown, site, vehicle)
 
     if format in MOST_WAYPOINTS:
         most = min(MOST_WAYPOINTS[format], vehicle.max_items or MOST_WAYPOINTS[format])
@@ -240,7 +241,9 @@ def write_mission(
     names = _names(output, len(routed.flights))
     flown = [(file, each.mission) for file, each in zip(names, routed.flights, strict=True)]
     missions = {file: mission_bytes(format, mission, vehicle) for file, mission in flown}
-    others = {file.with_suffix(".geojson"): geojson_bytes(mission) for file, mission in flown}
+    others = {
+        file.with_suffix(".geojson"): geojson_bytes(each) for file, each in zip(names, routed.flights, strict=True)
+    }
     others |= more or {}
     described = {file.name: content for file, content in (missions | others).items()}
     record = mission_record(routed, site, vehicle, profile, [file.name for file in names], plans, described)

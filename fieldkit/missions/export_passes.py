@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 import shapely
 
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import UsageError
+from fieldkit.missions.autopilots.execution import Execution
+from fieldkit.missions.coverage import coverage
 from fieldkit.missions.export import Routed, RoutedFlight, mission_over
 from fieldkit.results.finding import Finding, Refused
 from fieldkit.results.mission import GeoPoint, Home, MissionPasses, Passing, Shot, Via
@@ -139,6 +142,36 @@ def route_passes(
     )
 
 
+def foreseen(each: RoutedFlight, flown: Execution, site: Site, vehicle: Vehicle) -> RoutedFlight:
+    """A flight with the photographs in passing that its file gives, carried out, in place of the planned ones."""
+    planned = {line: len(list(of)) for line, of in groupby(each.mission.passings, lambda passing: passing.line)}
+    taken = [shot for shot in flown.photographs if shot.repeat is not None and shot.place is not None]
+    if not planned or not taken:
+        return each
+    grounds = ground_below(site, [shot.place for shot in taken if shot.place is not None])
+    shown = coverage(taken, flown.legs, vehicle.camera, SiteFrame(site.home), grounds, site).plots
+    names, of_line = {plot.name for plot in site.plots}, dict[int, list[Passing]]()
+    for shot, plots in zip(taken, shown, strict=True):
+        line = list(planned)[shot.repeat or 0]
+        assert shot.place is not None
+        pose = shot.heading_deg or 0.0, shot.pitch_deg or 0.0
+        passing = Passing(
+            *_numbers(shot.place), line, *pose, tuple(name for name in plots if name in names), round(shot.time_s, 2)
+        )
+        of_line.setdefault(line, []).append(passing)
+    stops: list[Shot | Via | Passing] = []
+    for stop in each.mission.stops:
+        if not isinstance(stop, Passing):
+            stops.append(stop)
+            continue
+        planned[stop.line] -= 1
+        own = of_line.get(stop.line, [])
+        stops += own[:1] if planned[stop.line] else own
+        del own[:1]
+    plots = tuple(dict.fromkeys(name for stop in stops if isinstance(stop, Passing) for name in stop.plots))
+    return replace(each, foreseen=tuple(stops), flight=replace(each.flight, plots=plots))
+
+
 def _require(findings: Sequence[Finding]) -> None:
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
@@ -162,13 +195,17 @@ def _placed(passes: MissionPasses, site: Site) -> list[_Placed]:
     """All lines. They are laid about the outline's first corner, wherever home is."""
     anchor, frame = SiteFrame(Home(*passes.outline[0])), SiteFrame(site.home)
     field = shapely.Polygon(anchor.outline(passes.outline))
+    lines = lines_over(passes.pattern, field, passes.rows_deg)
+    places = [np.vstack([line.stations_m, line.ends_m[1:]]) for line in lines]
+    latitudes, longitudes, _ = anchor.to_geodetic(np.concatenate(places))
+    whole = frame.to_local(latitudes, longitudes, 0.0)
+    whole_ground = ground_below(site, [GeoPoint(a, b, 0.0) for a, b in zip(latitudes, longitudes, strict=True)])
+    whole[:, 2] = whole_ground + passes.pattern.height_m
+    cuts = np.cumsum([len(of_line) for of_line in places])[:-1]
     placed = list[_Placed]()
-    for number, line in enumerate(lines_over(passes.pattern, field, passes.rows_deg)):
-        places = np.vstack([line.stations_m, line.ends_m[1:]])
-        latitudes, longitudes, _ = anchor.to_geodetic(places)
-        local = frame.to_local(latitudes, longitudes, 0.0)
-        grounds = ground_below(site, [GeoPoint(a, b, 0.0) for a, b in zip(latitudes, longitudes, strict=True)])
-        local[:, 2] = grounds + passes.pattern.height_m
+    for number, (line, local, grounds) in enumerate(
+        zip(lines, np.split(whole, cuts), np.split(whole_ground, cuts), strict=True)
+    ):
         along = np.linalg.norm(local[:, :2] - local[0, :2], axis=1)
         bends = shapely.get_coordinates(shapely.LineString(np.column_stack([along, local[:, 2]])).simplify(_TERRAIN_M))
         local[:, 2] = np.interp(along, *bends.T)
@@ -216,13 +253,13 @@ def _flight(
 
 
 def _passed(line: _Placed, site: Site) -> list[Shot | Via | Passing]:
-    """A line's photographs, and its waypoints but the first."""
+    """A line's waypoints with the photographs between them."""
     frame, of = SiteFrame(site.home), line.line
     way = frame.places(line.way_m)
     along, bends = (np.linalg.norm(p[:, :2] - line.way_m[0, :2], axis=1) for p in (of.stations_m, line.way_m))
     stops: list[Shot | Via | Passing] = []
     for k, place in enumerate(frame.places(of.stations_m)):
-        stops += [Via(*_numbers(way[b])) for b in np.flatnonzero(bends[1:-1] == along[k]) + 1]
+        stops += [Via(*_numbers(way[b])) for b in np.flatnonzero(bends == along[k])]
         stops.append(Passing(*_numbers(place), line.number, of.yaw_deg, of.pitch_deg))
     return [*stops, Via(*_numbers(way[-1]))]
 

@@ -21,7 +21,7 @@ from fieldkit.results.mission import (
     MissionVehicle,
 )
 from fieldkit.results.plan import station_number
-from fieldkit.routing.mission import GeoPoint, Home, Mission, Passing, Shot
+from fieldkit.routing.mission import GeoPoint, Home, Passing, Shot
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
@@ -100,7 +100,7 @@ def _flight(each: RoutedFlight, file: str) -> MissionFlight:
         name=mission.name,
         file=file,
         takeoff_m=mission.takeoff_m,
-        stops=mission.stops,
+        stops=each.stops,
         landing=mission.landing,
         length_m=flight.length_m,
         time_s=flight.time.total_s,
@@ -109,13 +109,13 @@ def _flight(each: RoutedFlight, file: str) -> MissionFlight:
     )
 
 
-def geojson_bytes(mission: Mission) -> bytes:
+def geojson_bytes(each: RoutedFlight) -> bytes:
     """A FeatureCollection: stations with their poses, places that are flown through, the way from home, the fence.
 
     Heights stand in the properties: RFC 7946's third coordinate is above the ellipsoid, which missions do not have.
     """
-    features = []
-    for order, stop in enumerate(mission.stops):
+    mission, features = each.mission, []
+    for order, stop in enumerate(each.stops):
         own: dict[str, Any] = {"order": order, "height_above_home_m": stop.place.height_m}
         if isinstance(stop, Shot):
             own |= {"plot": stop.plot, "station": station_number(stop.station)}
@@ -124,7 +124,7 @@ def geojson_bytes(mission: Mission) -> bytes:
             own |= {"line": station_number(stop.line), "yaw_deg": stop.yaw_deg, "pitch_deg": stop.pitch_deg}
             own |= {"plots": list(stop.plots), "time_s": stop.time_s}
         features.append(_feature("Point", _lonlat(stop.place), kind=stop.kind, **own))
-    way: list[GeoPoint | Home] = [mission.home, *(stop.place for stop in mission.stops), mission.landing]
+    way: list[GeoPoint | Home] = [mission.home, *(stop.place for stop in each.stops), mission.landing]
     features.append(_feature("LineString", [_lonlat(place) for place in way], kind="way"))
     for kind, polygons in (("fence", mission.fence.inside), ("no-fly", mission.fence.outside)):
         for corners in polygons:

@@ -212,8 +212,8 @@ class MissionFlight(Strict):
     takeoff_m: Height
     """Height above home at which the first leg begins."""
     stops: tuple[Annotated[Shot | Via | Passing, Field(discriminator="kind")], ...]
-    """In the order they are flown. The first `Passing` of a line is a waypoint, and so is every `Via`: up to the last
-    one before the next line photographs are taken."""
+    """In the order they are flown. A line leads from the `Via` before its first `Passing` to the one behind its last;
+    none of these is a waypoint."""
     landing: GeoPoint
     """Where it lands, at the height from which it descends."""
     length_m: Length

@@ -1,12 +1,17 @@
 """Missions of passes: a pattern's lines over a field, written and read back."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError, UsageError
+from fieldkit.geometry.pose import wrapped_deg
+from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.files.formats import read_mission
 from fieldkit.missions.items import Command
@@ -145,3 +150,42 @@ def test_a_plan_of_a_pattern_is_read_from_its_file(tmp_path):
     save_plan(tmp_path / "plan.json", Plan(fieldkit="0", pattern=PATTERN))
     _, record = exported(tmp_path, field(), plan=tmp_path / "plan.json")
     assert record.plots[0].plan.name == "plan.json"
+
+
+@given(
+    looks=st.lists(st.tuples(st.floats(0.0, 359.0), st.floats(-90.0, -45.0)), min_size=1, max_size=3),
+    height=st.floats(5.0, 15.0),
+    along=st.floats(0.8, 3.0),
+    between=st.floats(1.5, 5.0),
+    offset=st.floats(0.0, 1.0),
+    speed=st.floats(0.3, 5.0),
+    slope=st.sampled_from([0.0, 6.0]),
+)
+@settings(max_examples=12, deadline=None)
+@pytest.mark.parametrize(("vehicle", "form"), FORMS)
+def test_every_photograph_is_foretold_and_where_the_pattern_wants_one(
+    tmp_path_factory, vehicle, form, looks, height, along, between, offset, speed, slope
+):
+    pattern = Pattern(tuple(Look(*look) for look in looks), height, along, between, offset, speed)
+    folder, site, profile = tmp_path_factory.mktemp("passes"), field(slope_percent=slope), load_vehicle(vehicle)
+    done, record = exported(folder, site, vehicle, form, plan=Plan(fieldkit="0", pattern=pattern))
+    frame = SiteFrame(site.home)
+    poses = {(look.heading_deg % 360.0, look.pitch_deg) for look in pattern.looks}
+    for flight, file, routed in zip(record.flights, done.files, done.routed.flights, strict=False):
+        flown = interpret(replace(read_mission(file), home=site.home), profile, profile.dialect)
+        taken = [shot for shot in flown.photographs if not shot.never]
+        foretold, planned = flight.passings, routed.mission.passings
+        assert [shot.time_s for shot in foretold] == pytest.approx([shot.time_s for shot in taken], abs=0.1)
+        there = frame.points([shot.place for shot in foretold])
+        assert np.abs(there - frame.points([shot.place for shot in taken])).max() < 0.05
+        assert all(
+            min(abs(wrapped_deg(shot.yaw_deg - yaw)) + abs(shot.pitch_deg - pitch) for yaw, pitch in poses) < 0.02
+            for shot in foretold
+        )
+        for line in {shot.line for shot in planned}:
+            wanted, given_ = (
+                frame.points([shot.place for shot in shots if shot.line == line]) for shots in (planned, foretold)
+            )
+            apart = np.linalg.norm(wanted[:, None] - given_, axis=2)
+            assert apart.min(axis=1).max() < 0.5 * along + 0.25
+            assert apart.min(axis=0).max() < along + 0.25

@@ -274,24 +274,20 @@ class RoutePoint:
 
 
 def waypoints(mission: Mission) -> list[RoutePoint]:
-    """A mission's stops, of lines the first photograph and the places behind it that are none.
-
-    Where nothing is photographed, heading and pitch are 0.
-    """
+    """A mission's stops but the photographs in passing. Where nothing is photographed, heading and pitch are 0."""
     points: list[RoutePoint] = []
-    line: Passing | None = None
+    before: Shot | Via | Passing | None = None
     for stop, after in zip(mission.stops, (*mission.stops[1:], None), strict=True):
         if isinstance(stop, Shot):
-            line = None
             points.append(RoutePoint(stop.place, stop.yaw_deg % 360.0, stop.pitch_deg, stop))
-        elif isinstance(stop, Via) and line is None:
+        elif isinstance(stop, Via) and isinstance(after, Passing):
+            part: Literal["first", "inner"] = "inner" if isinstance(before, Passing) else "first"
+            points.append(RoutePoint(stop.place, after.yaw_deg % 360.0, after.pitch_deg, None, part, after.name))
+        elif isinstance(stop, Via) and isinstance(before, Passing):
+            points.append(RoutePoint(stop.place, before.yaw_deg % 360.0, before.pitch_deg, None, "last", before.name))
+        elif isinstance(stop, Via):
             points.append(RoutePoint(stop.place, 0.0, 0.0, None))
-        elif isinstance(stop, Via) or line is None or stop.line != line.line:
-            line, first = (line, False) if isinstance(stop, Via) else (stop, True)
-            assert line is not None
-            goes_on = first or (isinstance(after, Passing) and after.line == line.line)
-            part: Literal["first", "inner", "last"] = "first" if first else "inner" if goes_on else "last"
-            points.append(RoutePoint(stop.place, line.yaw_deg % 360.0, line.pitch_deg, None, part, line.name))
+        before = stop
     return points
 
 
