@@ -51,15 +51,14 @@ class _Placed:
 
 
 def passes_over(pattern: Pattern, site: Site, vehicle: Vehicle) -> MissionPasses:
-    """A pattern over the plots of a site that are flown: over their convex hull, by the direction of most rows."""
+    """A pattern over the plots of a site that are flown: over their convex hull, by the mean direction of rows."""
     hull = shapely.union_all(list(_flown_outlines(site).values())).convex_hull
     corners = np.array(hull.exterior.coords)[:-1]
     latitudes, longitudes, _ = SiteFrame(site.home).to_geodetic(np.column_stack([corners, np.zeros(len(corners))]))
-    rows, counts = np.unique([plot.row_heading_deg % 180.0 for plot in site.plots], return_counts=True)
+    twice = np.exp(2j * np.radians([plot.row_heading_deg for plot in site.plots])).sum()
     ring = tuple((round(a, 9), round(b, 9)) for a, b in zip(latitudes.tolist(), longitudes.tolist(), strict=True))
-    return MissionPasses(
-        pattern=pattern, outline=ring, rows_deg=float(rows[counts.argmax()]), speed_mps=_speed(pattern, site, vehicle)
-    )
+    rows_deg = 0.5 * float(np.degrees(np.angle(twice)))
+    return MissionPasses(pattern=pattern, outline=ring, rows_deg=rows_deg, speed_mps=_speed(pattern, site, vehicle))
 
 
 def _flown_outlines(site: Site) -> dict[str, shapely.Polygon]:
