@@ -181,8 +181,7 @@ def route_plan(
         most = max(each.flight.time.battery for each in routed)
         if timed is None or most <= 1.0:
             break
-        less = {"endurance_s": planned_for.battery.endurance_s / (_BEYOND * most)}
-        planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
+        planned_for = with_less(planned_for, most)
     on_plots = [(plot, plants_on(each, plot)) for plot, each in facts_of(plans, site)]
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     return Routed(
@@ -199,6 +198,12 @@ def route_plan(
         fit=report.findings,
         own={} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )
+
+
+def with_less(vehicle: Vehicle, battery: float) -> Vehicle:
+    """A vehicle with so much less endurance as its flights take more than one battery."""
+    less = {"endurance_s": vehicle.battery.endurance_s / (_BEYOND * battery)}
+    return vehicle.model_copy(update={"battery": vehicle.battery.model_copy(update=less)})
 
 
 def _mission(

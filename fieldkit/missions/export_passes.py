@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 import numpy as np
 import shapely
@@ -13,13 +13,13 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots.execution import Execution
 from fieldkit.missions.coverage import coverage
-from fieldkit.missions.export import Routed, RoutedFlight, mission_over
-from fieldkit.results.finding import Finding, Refused
+from fieldkit.missions.export import Routed, RoutedFlight, mission_over, with_less
+from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.mission import GeoPoint, Home, MissionPasses, Passing, Shot, Via
 from fieldkit.results.pattern import Pattern
 from fieldkit.routing.flights import FileCapacity, Flight
 from fieldkit.routing.legs import leg_of
-from fieldkit.routing.motion import FlightTime, landing_s, takeoff_s
+from fieldkit.routing.motion import FlightTime
 from fieldkit.routing.obstacles import Obstacles
 from fieldkit.routing.passes import Line, PassFlight, fastest_mps, lines_over, pass_flights
 from fieldkit.sites.fit import plants_known
@@ -96,9 +96,14 @@ def route_passes(
         Refused: plants' heights are not known, a pitch is out of reach, or a leg meets what is kept clear of.
     """
     findings = [finding for plot in site.all_plots for finding in plants_known(None, plot)]
-    pattern, against = _within_reach(passes.pattern, vehicle, adjust=adjust)
+    looks = [replace(look, pitch_deg=vehicle.mount.nearest_deg(look.pitch_deg)) for look in passes.pattern.looks]
+    for look, taken in zip(passes.pattern.looks, looks, strict=True):
+        if not vehicle.mount.reaches(look.pitch_deg):
+            message = f"a pitch of {look.pitch_deg:.1f}° is beyond the mount ({vehicle.mount.range_text})"
+            remedy = f"Give --adjust to fly {taken.pitch_deg:g}°."
+            findings.append(_finding("out-of-reach", message, remedy, severity="warning" if adjust else "error"))
+    pattern = replace(passes.pattern, looks=tuple(looks))
     passes = passes.model_copy(update={"pattern": pattern, "speed_mps": _speed(pattern, site, vehicle)})
-    findings += against
     _require(findings)
     placed = _placed(passes, site)
     if only is not None:
@@ -121,10 +126,9 @@ def route_passes(
         over = max(each.flight.time.battery for each in routed)
         if over <= 1.0 or all(len(part.lines) == 1 for part in parts):
             break
-        less = {"endurance_s": planned_for.battery.endurance_s / (1.002 * over)}
-        planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
+        planned_for = with_less(planned_for, over)
     if over > 1.0:
-        findings.append(Finding("", "battery", "one line takes more than a battery", severity="error"))
+        findings.append(_finding("battery", "one line takes more than a battery"))
     ways = [np.array(each.flight.legs[0].points) for each in routed]
     findings += [finding for way in ways for finding in _met(way, obstacles)]
     _require(findings)
@@ -143,30 +147,35 @@ def route_passes(
 
 def foreseen(each: RoutedFlight, flown: Execution, site: Site, vehicle: Vehicle) -> RoutedFlight:
     """A flight with the photographs in passing that its file gives, carried out, in place of the planned ones."""
-    planned = {line: len(list(of)) for line, of in groupby(each.mission.passings, lambda passing: passing.line)}
-    taken = [shot for shot in flown.photographs if shot.repeat is not None and shot.place is not None]
-    if not planned or not taken:
+    taken = [(shot, shot.place) for shot in flown.photographs if shot.repeat is not None and shot.place is not None]
+    lines = list(dict.fromkeys(passing.line for passing in each.mission.passings))
+    if not lines or not taken:
         return each
-    grounds = ground_below(site, [shot.place for shot in taken if shot.place is not None])
-    shown = coverage(taken, flown.legs, vehicle.camera, SiteFrame(site.home), grounds, site).plots
-    names, of_line = {plot.name for plot in site.plots}, dict[int, list[Passing]]()
-    for shot, plots in zip(taken, shown, strict=True):
-        line = list(planned)[shot.repeat or 0]
-        assert shot.place is not None
-        pose = shot.heading_deg or 0.0, shot.pitch_deg or 0.0
-        passing = Passing(
-            *_numbers(shot.place), line, *pose, tuple(name for name in plots if name in names), round(shot.time_s, 2)
+    grounds = ground_below(site, [place for _, place in taken]).tolist()
+    shots = [shot for shot, _ in taken]
+    shown = coverage(shots, flown.legs, vehicle.camera, SiteFrame(site.home), grounds, site).plots
+    names = {plot.name for plot in site.plots}
+    given = [
+        Passing(
+            *_numbers(place),
+            lines[shot.repeat or 0],
+            shot.heading_deg or 0.0,
+            shot.pitch_deg or 0.0,
+            tuple(name for name in plots if name in names),
+            round(shot.time_s, 2),
         )
-        of_line.setdefault(line, []).append(passing)
-    stops: list[Shot | Via | Passing] = []
+        for (shot, place), plots in zip(taken, shown, strict=True)
+    ]
+    planned, stops = Counter(passing.line for passing in each.mission.passings), list[Shot | Via | Passing]()
     for stop in each.mission.stops:
         if not isinstance(stop, Passing):
             stops.append(stop)
             continue
         planned[stop.line] -= 1
-        own = of_line.get(stop.line, [])
-        stops += own[:1] if planned[stop.line] else own
-        del own[:1]
+        while given and given[0].line == stop.line:
+            stops.append(given.pop(0))
+            if planned[stop.line]:  # what there is beyond the planned ones follows the last one
+                break
     plots = tuple(dict.fromkeys(name for stop in stops if isinstance(stop, Passing) for name in stop.plots))
     return replace(each, foreseen=tuple(stops), flight=replace(each.flight, plots=plots))
 
@@ -176,18 +185,8 @@ def _require(findings: Sequence[Finding]) -> None:
         raise Refused(findings)
 
 
-def _within_reach(pattern: Pattern, vehicle: Vehicle, *, adjust: bool) -> tuple[Pattern, list[Finding]]:
-    looks, findings = list(pattern.looks), list[Finding]()
-    for k, look in enumerate(looks):
-        nearest = vehicle.mount.nearest_deg(look.pitch_deg)
-        if not vehicle.mount.reaches(look.pitch_deg):
-            looks[k] = replace(look, pitch_deg=nearest)
-            message = f"a pitch of {look.pitch_deg:.1f}° is beyond the mount ({vehicle.mount.range_text})"
-            remedy = f"Give --adjust to fly {nearest:g}°."
-            findings.append(
-                Finding("", "out-of-reach", message, severity="warning" if adjust else "error", remedy=remedy)
-            )
-    return replace(pattern, looks=tuple(looks)), findings
+def _finding(code: str, message: str, remedy: str = "", severity: Severity = "error") -> Finding:
+    return Finding("", code, message, severity=severity, remedy=remedy)
 
 
 def _placed(passes: MissionPasses, site: Site) -> list[_Placed]:
@@ -230,25 +229,23 @@ def _flight(
     site: Site,
     vehicle: Vehicle,
 ) -> RoutedFlight:
-    speeds, never = vehicle.speeds, vehicle.trigger.passing == "never"
-    stops = [stop for line in placed for stop in (_stations if never else _passed)(line, site)]
+    by = vehicle.trigger.passing
+    stops = [stop for line in placed for stop in (_stations if by == "never" else _passed)(line, site)]
     first, last = placed[0].way_m[0], placed[-1].way_m[-1]
     takeoff_m, end_m = max(site.takeoff_m, float(first[2])), max(site.transit_m, float(last[2]))
     landing = np.array([*landing_of(site)[:2], end_m])
     places = np.vstack([[0.0, 0.0, takeoff_m], *(line.way_m for line in placed), landing])
-    leg = leg_of(places, speeds)
-    upright = takeoff_s(takeoff_m, speeds), landing_s(end_m, speeds)
-    time = FlightTime(upright[0], part.seconds - sum(upright), 0.0, 0.0, upright[1], part.battery)
-    every_s = passes.pattern.along_m / passes.speed_mps
-    by_time = vehicle.trigger.passing == "time"
+    leg = leg_of(places, vehicle.speeds)
+    along_m = passes.pattern.along_m
     mission = replace(
         mission_over(stops, landing, number, count, site, vehicle),
         takeoff_m=takeoff_m,
         speed_mps=passes.speed_mps,
-        spacing_m=0.0 if by_time else passes.pattern.along_m,
-        every_s=every_s if by_time else 0.0,
+        spacing_m=0.0 if by == "time" else along_m,
+        every_s=along_m / passes.speed_mps if by == "time" else 0.0,
     )
-    return RoutedFlight(mission, Flight((), (leg,), (), leg.length_m + takeoff_m + end_m, time))
+    time = FlightTime(0.0, part.seconds, 0.0, 0.0, 0.0, part.battery)
+    return RoutedFlight(mission, Flight((), (leg,), (), leg.length_m, time))
 
 
 def _passed(line: _Placed, site: Site) -> list[Shot | Via | Passing]:
@@ -290,5 +287,5 @@ def _met(way: FloatArray, obstacles: Obstacles) -> list[Finding]:
             remedy = "Fly higher: plan passes for this vehicle and these plants."
             if problem.kind != "plants":
                 remedy = "Move home, correct the site file, or leave plots out (--only)."
-            findings.append(Finding("", "no-way", f"a line or turn {problem}", severity="error", remedy=remedy))
+            findings.append(_finding("no-way", f"a line or turn {problem}", remedy))
     return findings

@@ -187,22 +187,11 @@ def pass_flights(
     return tuple(flights)
 
 
-def turn_waits_s(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> list[float]:
-    """By line, how long the vehicle stands at its first place until it has turned there from the line before.
-
-    An ArduPilot stands for whole seconds. The turn to the first line is half a turn.
-    """
-    first_s = _whole(motion.turn_seconds(None, 0.0, vehicle.speeds), vehicle)
-    return [first_s, *_waits(lines, _ways(lines, vehicle, speed_mps)[1::2], vehicle)]
-
-
 def _waits(lines: Sequence[Line], between: Sequence[motion.Leg], vehicle: Vehicle) -> list[float]:
+    """How long the vehicle stands at lines' beginnings until it has turned; an ArduPilot does so for whole seconds."""
     turns = motion.turns_s(np.diff([line.yaw_deg for line in lines]), vehicle.speeds).tolist()
-    return [_whole(max(0.0, turn_s - way.seconds), vehicle) for turn_s, way in zip(turns, between, strict=True)]
-
-
-def _whole(seconds: float, vehicle: Vehicle) -> float:
-    return math.ceil(seconds) if vehicle.dialect == "ardupilot" else seconds
+    waits = [max(0.0, turn_s - way.seconds) for turn_s, way in zip(turns, between, strict=True)]
+    return [math.ceil(wait) for wait in waits] if vehicle.dialect == "ardupilot" else waits
 
 
 def _steps(lines: Sequence[Line]) -> FloatArray:

@@ -18,7 +18,7 @@ reject a mission that takes off to less than NAV_ACC_RAD + 1 m (3 m on multicopt
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -185,28 +185,19 @@ def _px4_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, _turning_s: 
 
 
 def _px4_on_line(point: RoutePoint, mission: Mission, vehicle: Vehicle, _turning_s: float) -> list[MissionItem]:
-    place = _px4_waypoint(point.place, vehicle, heading(point.yaw_deg), hold_s=0.0)
+    place = position(Command.NAV_WAYPOINT, point.place, (0.0, vehicle.acceptance_m, 0.0, heading(point.yaw_deg)))
     if point.part == "first":
         return [*_px4_turn(point.pitch_deg, vehicle), place, _repeat(mission)]
     return [place, _cease(mission)] if point.part == "last" else [place]
 
 
-def _px4_waypoint(place: GeoPoint, vehicle: Vehicle, yaw_deg: float = _NAN, hold_s: float = _HOLD_S) -> MissionItem:
+def _px4_waypoint(place: GeoPoint, vehicle: Vehicle, yaw_deg: float = _NAN) -> MissionItem:
     # A hold brings the vehicle to rest also at places on the way, so that legs stay straight.
-    return position(Command.NAV_WAYPOINT, place, (hold_s, vehicle.acceptance_m, 0.0, yaw_deg))
+    return position(Command.NAV_WAYPOINT, place, (_HOLD_S, vehicle.acceptance_m, 0.0, yaw_deg))
 
 
 # How a mission begins, a place that is flown through, a photograph, a place on a line, and the heading of a landing.
-_DIALECTS: Mapping[
-    str,
-    tuple[
-        Callable[[Mission, Vehicle], list[MissionItem]],
-        Callable[[GeoPoint, Vehicle], MissionItem],
-        Callable[[Shot, Mission, Vehicle, float], list[MissionItem]],
-        Callable[[RoutePoint, Mission, Vehicle, float], list[MissionItem]],
-        float,
-    ],
-] = {
+_DIALECTS = {
     "ardupilot": (_ardupilot_begin, _ardupilot_waypoint, _ardupilot_photograph, _ardupilot_on_line, 0.0),
     "px4": (_px4_begin, _px4_waypoint, _px4_photograph, _px4_on_line, _NAN),
 }
