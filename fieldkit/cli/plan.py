@@ -29,7 +29,7 @@ from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import SchedulerOption, WorkersOption, run_context
 from fieldkit.errors import UsageError
 from fieldkit.figures.style import format_length
-from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, Range
+from fieldkit.planning.plan_settings import EnvelopeSettings, NoiseSettings, PlanSettings, Range, TrialSettings
 from fieldkit.vocabulary import PlanningMethod
 from fieldkit.wording import count
 
@@ -144,6 +144,21 @@ ENVELOPE: Panels = {
 }
 
 
+def _metres(text: str) -> float:
+    """Such as 4cm or 0.04."""
+    value, hundredths = text.removesuffix("cm"), text.endswith("cm")
+    (number,) = read_numbers("--height-error", value, (1,))
+    return 0.01 * number if hundredths else number
+
+
+TRIAL: Panels = {
+    "A trial": {
+        "trial": Annotated[Path | None, Option(metavar="PLOTS")],
+        "stage": None,
+        "minutes": Annotated[float | None, Option(metavar="MIN")],
+        "height_error_m": Annotated[str | None, Option("--height-error", parser=_metres, metavar="LENGTH")],
+    }
+}
 PLAN_PICTURE = "plan.png"
 
 
@@ -151,6 +166,7 @@ def command(
     output: OutputOption,
     settings: Annotated[PlanSettings, SETTINGS],
     envelope: Annotated[EnvelopeSettings, ENVELOPE],
+    trial: Annotated[TrialSettings, TRIAL],
     *,
     noise: Annotated[str, Option("--pose-noise", metavar="M,DEG", rich_help_panel="Search")] = "",
     workers: WorkersOption = None,
@@ -159,7 +175,7 @@ def command(
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Find the camera poses that reconstruct a plot best.
+    """Find the camera poses that reconstruct a plot best, or a pattern of passes over a trial.
 
     Photographs of every trial are taken (rendered, or looked up in a recorded set), reconstructed by real structure
     from motion and scored against the reference. The result holds plan.json, pictures and every evaluation. --resume
@@ -172,11 +188,17 @@ def command(
     Examples:
         fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o trial-plan
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
+        fieldkit plan --trial plots.geojson --vehicle dji-mavic-3-enterprise --stage V10 --minutes 5 -o trial-plan
         fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
         fieldkit plan --scene case-1 --for this-plot -o case-1-plan
         fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
     """
+    if trial.trial is not None:
+        if settings.sources or settings.vehicle is None:
+            raise UsageError("--trial needs --vehicle, and no other source", remedy="Give the vehicle that flies it.")
+        _plan_trial(output, trial, settings.vehicle, overwrite=overwrite, as_json=as_json)
+        return
     own = {"noise": pose_noise(noise)} if noise else {}
     asked = settings.model_copy(update={"envelope": envelope, **own})
     if not resume or asked.sources:
@@ -203,6 +225,30 @@ def command(
         emit_json({"output": output, **outcome.model_dump()})
     else:
         _show(output, planned, outcome)
+
+
+def _plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overwrite: bool, as_json: bool) -> None:
+    from fieldkit.figures.content import Row, tabulated
+    from fieldkit.figures.terminal import rendered
+    from fieldkit.files import write_atomic
+    from fieldkit.pictures.front import draw_front
+    from fieldkit.planning.patterns.plan import FRONT_FILE, plan_trial
+
+    made = plan_trial(output, asked, vehicle, overwrite=overwrite)
+    title = f"Patterns over {count(made.plots, 'plot')} at {made.stage}"
+    points = [(each.minutes, 1000.0 * each.worth.value_m, each is made.chosen) for each in made.front]
+    write_atomic(output / PLAN_PICTURE, draw_front(title, points))
+    if as_json:
+        emit_json({"output": output, "stage": made.stage, **made.chosen.row})
+        return
+    marks = ["▸" if each is made.chosen else "" for each in made.front]
+    rows: list[Row] = [dict(({"": mark} | each.figures).items()) for mark, each in zip(marks, made.front, strict=True)]
+    show(
+        rendered([tabulated(title, rows, f"▸ is the plan. {FRONT_FILE} has the patterns.")]),
+        output / "plan.json",
+        output / FRONT_FILE,
+        output / PLAN_PICTURE,
+    )
 
 
 def _draw(output: Path, settings: SearchSettings) -> None:

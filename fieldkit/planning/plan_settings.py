@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, field_
 
 from fieldkit.errors import UsageError
 from fieldkit.results.fields import Count, Length, Pitch, Strict
-from fieldkit.vocabulary import WEIGHTS, MappingName, Preset, SearchFidelity
+from fieldkit.vocabulary import WEIGHTS, MappingName, Preset, SearchFidelity, Stage
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
@@ -112,6 +112,27 @@ class SearchChoices(Strict):
     def _some_weight_counts(self) -> SearchChoices:
         if not any(self.weights):
             raise ValueError("weights: one of them must be above 0")
+        return self
+
+
+class TrialSettings(Strict):
+    """What a person asks of a pattern for a trial."""
+
+    model_config = ConfigDict(strict=False)
+
+    trial: Path | None = None
+    """Plan passes over all of these plots (plots.geojson) instead of stations about one."""
+    stage: Stage | None = None
+    """Of growth; by the plots' plant_height_m where not given."""
+    minutes: Annotated[float, Field(gt=0)] | None = None
+    """The least errors in so many minutes of flight; one battery's where nothing is given."""
+    height_error_m: Annotated[float, Field(gt=0)] | None = None
+    """The fewest minutes for such an error of plants' height, such as 4cm."""
+
+    @model_validator(mode="after")
+    def _one_goal(self) -> TrialSettings:
+        if self.minutes is not None and self.height_error_m is not None:
+            raise ValueError("minutes: give them or height_error_m, the other follows")
         return self
 
 

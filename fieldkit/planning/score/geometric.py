@@ -4,13 +4,15 @@ nearest reconstructed one, and how firmly the set is tied together by matches.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 from scipy.spatial import cKDTree
 
-from fieldkit.arrays import BoolArray, Float32Array, FloatArray
+from fieldkit.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from fieldkit.clouds.canopy import with_room_m
 from fieldkit.geometry.similarity import similarity_motion
 from fieldkit.planning.problem import POSE_NOISE_M, PlanningProblem
@@ -33,7 +35,7 @@ _PICTURED = 6
 """Number of the plants' points that matches lie on."""
 _OF_PLANTS = 0.1
 """Matches on plants as a share of those on as many points of soil seen squarely."""
-_SWAYING = 0.7
+SWAYING = 0.7
 """Sway of the highest leaves as a share of that half a metre out, and in proportion to the height below: over maize of
 four scenes 0.36 to 0.48, root mean square."""
 _TOLERANCE_PX = 6.0
@@ -128,27 +130,23 @@ class GeometricScore:
         self._soil = np.arange(len(self._free)) < _GRID**2
         self._found = np.where(self._soil, 1.0, _OF_PLANTS)[: self._matched]
         self._high, self._free_high = (
-            _SWAYING * np.clip(points[:, 2] / self._plot.height_m, 0.0, 1.0)
+            SWAYING * np.clip(points[:, 2] / self._plot.height_m, 0.0, 1.0)
             for points in (self.surface.points, np.where(self._soil[:, None], 0.0, self._free))
         )
         self._canopy_m = self._plot.height_m if _is_closed(self._plot, *_soil(problem)) else None
-        self._worth = _pair_worth()
         self._views = PerCamera(self._look)
-        count = min(_NEIGHBORS, len(self.surface))
-        distance, index = cKDTree(self.surface.points).query(self.surface.points, k=count)
-        self._neighbors = np.asarray(index, dtype=np.int64).reshape(len(self.surface), count)
-        self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), CAP_M)
+        self._neighbours = _nearest(self.surface.points)
 
     def score(self, cameras: Cameras) -> Geometry:
         """The terms of a set of at least one camera, fitted to the plot; the cameras' order affects only rounding."""
         cameras = self._plot.fitted(cameras)
-        views, cap = self._views(cameras), CAP_M
-        p, noise = self._reconstructed([view.points for view in views])
-        hidden = 1.0 - float(self._reconstructed([view.free[self._matched :] for view in views])[0].mean())
+        views = self._views(cameras)
+        p, noise = reconstructed([view.points for view in views])
+        hidden = 1.0 - float(reconstructed([view.free[self._matched :] for view in views])[0].mean())
         matched = np.array([view.free[: self._matched] for view in views], dtype=np.float64)
-        gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
+        gap = float(_expected_distance(p, *self._neighbours, CAP_M).mean())
         total = float(p.sum())
-        spread = float((p * noise).sum()) / total if total > 0 else cap
+        spread = float((p * noise).sum()) / total if total > 0 else CAP_M
         seen = matched[:, :, 3] * self._found
         matches = self.problem.counted_matches(cameras, self._plot)
         if matches is None:
@@ -160,12 +158,6 @@ class GeometricScore:
         sigmas = camera_sigmas_m(cameras.positions, points, seen, variance, matches, prior_m)
         tie = float(np.sqrt((sigmas**2).mean()))
         return Geometry(gap, spread, tie, hidden)
-
-    def _reconstructed(self, sights: list[Float32Array]) -> tuple[FloatArray, FloatArray]:
-        found: tuple[FloatArray, FloatArray] = _reconstructed(
-            np.stack(sights), ERROR_PX, _TOLERANCE_PX, self._worth, _AGREEING, CAP_M
-        )
-        return found
 
     def _look(self, cameras: Cameras) -> list[_View]:
         camera, air = self.problem.camera, self.problem.noise.outdoors
@@ -199,6 +191,33 @@ class GeometricScore:
         ]
 
 
+def reconstructed(sights: Sequence[Float32Array]) -> tuple[FloatArray, FloatArray]:
+    """(p,) probability that at least two views' depths are right, and (p,) their noise, metres, at most the cap.
+
+    Args:
+        sights: of each view (p, 6): rays from the points to it, quality, footprint in metres, variance of sway in m².
+    """
+    found: tuple[FloatArray, FloatArray] = _reconstructed(
+        np.stack(sights), ERROR_PX, _TOLERANCE_PX, _pair_worth(), _AGREEING, CAP_M
+    )
+    return found
+
+
+def expected_distance_m(points: FloatArray, p: FloatArray) -> FloatArray:
+    """(p,) from each point (p, 3) to the nearest reconstructed one, which each is with probability ``p``."""
+    distances: FloatArray = _expected_distance(p, *_nearest(points), CAP_M)
+    return distances
+
+
+def _nearest(points: FloatArray) -> tuple[IntArray, FloatArray]:
+    """(p, n) indices of the nearest points, and their distances up to the cap."""
+    count = min(_NEIGHBORS, len(points))
+    distance, index = cKDTree(points).query(points, k=count)
+    neighbours = np.asarray(index, dtype=np.int64).reshape(len(points), count)
+    return neighbours, np.minimum(np.asarray(distance).reshape(len(points), count), CAP_M)
+
+
+@cache
 def _pair_worth() -> FloatArray:
     """The worth of a pair by the sine of half its angle, in steps from 0 to 1 and one beyond."""
     worth = worth_of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))

@@ -1,0 +1,1 @@
+"""Patterns of passes over trials: what they are worth, and which are best."""

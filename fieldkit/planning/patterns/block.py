@@ -1,0 +1,78 @@
+"""A block of a trial, one plot of which patterns are judged by. It needs the simulated field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fieldkit.arrays import FloatArray
+from fieldkit.clouds.canopy import Outline, inside_outline, rectangle
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.planning.space.plots import LOWEST_M
+from fieldkit.scenes.description import SceneDescription, build
+from fieldkit.scenes.plot_description import TrialDescription
+from fieldkit.scenes.sampling import sample_visible
+from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit.scenes.simulated_field import simulated_field
+
+ROWS_DEG = 90.0
+"""Direction of a block's rows, clockwise from y: they run along x."""
+_AROUND_M = 1.2
+"""Width about a plot within which plants hide it, metres."""
+_POINTS = 60_000
+"""Points drawn on the surfaces of a plot and of what is about it."""
+_DENSER = 10
+"""Points that accuracy is measured to, for each one of the reference."""
+_PIXELS = 2400
+"""Side of the depth maps that tell what of them can be seen, pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A plot of a block, in the block's frame: rows run along x, z is above the ground."""
+
+    description: SceneDescription
+    scene: Scene
+    """As it is photographed."""
+    outline: Outline
+    """Of the plot."""
+    reference: Cloud
+    """PC_env: what can be seen of plants above the plot, with normals."""
+    surface: FloatArray
+    """(n, 3) the same, more densely."""
+    triangles: FloatArray
+    """(m, 3, 3) corners of the plants that may hide it."""
+
+    @property
+    def height_m(self) -> float:
+        """Of the plot's highest plant."""
+        return float(self.reference.points[:, 2].max())
+
+    @classmethod
+    def of(cls, trial: TrialDescription, plot: str = "") -> Block:
+        """A trial's plot, by its id, or the one in the middle."""
+        plot = plot or f"r{trial.ranges // 2 + 1}c{trial.columns // 2 + 1}"
+        (own,) = (p for p in simulated_field("trial.layout").plots_of(trial) if p.id == plot)
+        description: SceneDescription = simulated_field("trial.files").new_trial(trial)
+        scene = build(description)
+        outline = rectangle(own.lower_m, own.upper_m)
+        near = _near(scene, np.array(own.lower_m) - _AROUND_M, np.array(own.upper_m) + _AROUND_M)
+        reference, surface = (
+            cloud.select(inside_outline(cloud.points, outline) & (cloud.points[:, 2] > LOWEST_M))
+            for cloud in sample_visible(near, (_POINTS, _DENSER * _POINTS), trial.seed, pixels=_PIXELS)
+        )
+        triangles = np.concatenate([mesh.vertices[mesh.faces] for mesh in near.meshes]).astype(np.float64)
+        return cls(description, scene, outline, reference, surface.points, triangles)
+
+
+def _near(scene: Scene, low: FloatArray, high: FloatArray) -> Scene:
+    """The plants of a scene, as far as they reach between two corners (x, y)."""
+    meshes = []
+    for mesh in scene.plants:
+        inside = np.all((mesh.vertices[:, :2] > low) & (mesh.vertices[:, :2] < high), axis=1)
+        used, index = np.unique(mesh.faces[np.any(inside[mesh.faces], axis=1)], return_inverse=True)
+        if len(used) and mesh.normals is not None:
+            faces = index.reshape(-1, 3).astype(np.int32)
+            meshes.append(Mesh(mesh.name, mesh.vertices[used], faces, mesh.normals[used], plant=True))
+    return Scene(tuple(meshes), scene.light)

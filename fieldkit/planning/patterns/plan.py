@@ -1,0 +1,152 @@
+"""A pattern for a trial: the front of minutes and errors over its field, and the pattern that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import shapely
+
+from fieldkit.documents.csv_text import csv_text
+from fieldkit.documents.json_file import read_model
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.files import atomic_folder, write_atomic
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.priors import SourceFrame
+from fieldkit.planning.patterns.front import FrontPattern, PatternWorth, front_of, over
+from fieldkit.planning.patterns.space import PatternSpace
+from fieldkit.planning.plan_settings import TrialSettings
+from fieldkit.results.fields import Length, Strict
+from fieldkit.results.plan import Plan, PlanMethod
+from fieldkit.results.plan_file import PLAN_FILE, save_plan
+from fieldkit.runtime.shipped import shipped_folder
+from fieldkit.sites.plots_file import drawn_outline, read_plots
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit.version import __version__
+from fieldkit.vocabulary import Stage
+
+FRONT_FILE = "front.csv"
+_MAX_BYTES = 1 << 20
+"""Largest file of patterns, bytes."""
+_WIDE = 0.85
+"""Focal length from which a lens is narrow, in widths of the picture."""
+_MOST = 12
+"""Patterns of a front."""
+_REMEDY = "`fieldkit plan --help` explains the options."
+
+
+class StagePatterns(Strict):
+    """Patterns for a growth stage and a class of lenses."""
+
+    stage: Stage
+    plants_m: Length
+    """Height of the plants."""
+    wide: bool
+    """Whether the lens is."""
+    patterns: tuple[PatternWorth, ...]
+
+
+class ShippedPatterns(Strict):
+    """The file of patterns that comes with fieldkit."""
+
+    kind: Literal["patterns"] = "patterns"
+    version: Literal[1] = 1
+    kinds: tuple[StagePatterns, ...]
+
+
+@dataclass(frozen=True)
+class TrialPlan:
+    """What was found for a trial."""
+
+    front: Sequence[FrontPattern]
+    """The fastest first; each is expected to be nearer to the plants than those before."""
+    chosen: FrontPattern
+    stage: Stage
+    plots: int
+
+
+def plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overwrite: bool = False) -> TrialPlan:
+    """Choose a pattern for a trial, and write plan.json and front.csv.
+
+    Args:
+        output: the plan's folder.
+        vehicle: a profile's name or file.
+
+    Raises:
+        UsageError: the stage is not known, or no pattern keeps what is asked.
+        InputError: the plots or the vehicle cannot be used.
+    """
+    assert asked.trial is not None
+    flyer = load_vehicle(vehicle)
+    drawn = read_plots(asked.trial)
+    first = drawn.plots[0]
+    frame = SourceFrame("", LocalFrame(first.latitude_deg, first.longitude_deg), Similarity.identity())
+    outlines = [drawn_outline(plot, shape, frame) for plot, shape in zip(drawn.plots, drawn.shapes, strict=True)]
+    corners = [corner for outline in outlines if outline is not None for corner in outline]
+    if not corners:
+        raise MetadataError("the plots are points", path=asked.trial, remedy="Draw polygons, or give their sides.")
+    plants_m = max((plot.plant_height_m or 0.0 for plot in drawn.plots), default=0.0)
+    kind = shipped_patterns(asked.stage, plants_m, flyer)
+    field = shapely.MultiPoint(corners).convex_hull
+    space = PatternSpace(flyer, plants_m or kind.plants_m)
+    flown = [over(w, space, field, first.row_heading_deg) for w in kind.patterns if space.allows(w.pattern)]
+    if not flown:
+        raise UsageError("the vehicle can fly none of the patterns", remedy="Plan with another vehicle or mount.")
+    front = front_of(flown)
+    front = [front[k] for k in np.unique(np.linspace(0, len(front) - 1, min(len(front), _MOST)).round().astype(int))]
+    chosen = choose(front, asked, flyer)
+    with atomic_folder(output, overwrite=overwrite, marker=PLAN_FILE) as folder:
+        method = PlanMethod(name="patterns", evaluations=chosen.worth.evaluations, expected_m=chosen.worth.value_m)
+        plan = Plan(
+            fieldkit=__version__,
+            pattern=chosen.worth.pattern,
+            camera=flyer.camera,
+            plant_height_m=space.plants_m,
+            method=method,
+        )
+        save_plan(folder / PLAN_FILE, plan)
+        rows = [each.row for each in front]
+        write_atomic(folder / FRONT_FILE, csv_text(list(rows[0]), [row.values() for row in rows]))
+    return TrialPlan(front, chosen, kind.stage, len(drawn.plots))
+
+
+def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> StagePatterns:
+    """Those that come with fieldkit for a stage, the nearest one where there are none, and a vehicle's lens."""
+    file = shipped_folder("missions/patterns") / "maize.json"
+    wide = vehicle.camera.fx < _WIDE * vehicle.camera.width
+    kinds = [k for k in read_model(ShippedPatterns, "patterns", file, "", max_bytes=_MAX_BYTES).kinds if k.wide == wide]
+    if stage is None and not plants_m:
+        raise UsageError("how high are the plants?", remedy="Give --stage, or the plots' plant_height_m.")
+    stages = get_args(Stage)
+
+    def away(kind: StagePatterns) -> float:
+        return abs(kind.plants_m - plants_m) if stage is None else abs(stages.index(kind.stage) - stages.index(stage))
+
+    return min(kinds, key=away)
+
+
+def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle) -> FrontPattern:
+    """The pattern of a front that is asked for. Raises UsageError: none keeps it."""
+    if asked.height_error_m is not None:
+        kept = [each for each in front if each.worth.height_m <= asked.height_error_m]
+        if kept:
+            return kept[0]
+        best = min(front, key=lambda each: each.worth.height_m)
+        raise UsageError(
+            f"no pattern is expected to measure heights to {100 * asked.height_error_m:g} cm; the best has "
+            f"{100 * best.worth.height_m:.1f} cm in {best.minutes:.1f} min",
+            remedy="Ask for less.",
+        )
+    minutes = asked.minutes or vehicle.battery.usable_s / 60.0
+    kept = [each for each in front if each.minutes <= minutes]
+    if not kept:
+        raise UsageError(
+            f"no pattern covers the field in {minutes:.1f} min; the fastest takes {front[0].minutes:.1f}",
+            remedy="Give more --minutes, or plan parts of the field.",
+        )
+    return kept[-1]

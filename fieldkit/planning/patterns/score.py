@@ -1,0 +1,161 @@
+"""What a pattern is expected to be worth over a canopy, without photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fieldkit.arrays import BoolArray, FloatArray, IntArray
+from fieldkit.evaluation.flight import MOST_VIEWS
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.planning.patterns.block import Block
+from fieldkit.planning.patterns.objective import plot_volume, poses_about, showing, trait_errors, traits
+from fieldkit.planning.plan_settings import NoiseSettings
+from fieldkit.planning.score.geometric import SWAYING, expected_distance_m, reconstructed
+from fieldkit.planning.score.matchability import ties
+from fieldkit.reconstruction.evidence import FINEST_M, quality_of_views
+from fieldkit.results.pattern import Pattern
+from fieldkit.runtime.progress import Advance, ignore
+from fieldkit.scenes.sampling import visible_from
+from fieldkit.vehicles.wash import swayed_m
+from fieldkit.vocabulary import CAP_M
+
+_POINTS = 1000
+"""Points of the plot's surface that are looked at."""
+_DIRECTIONS = 250
+"""Number of directions from which it is known what is hidden, some 6° apart."""
+_FARTHEST_DEG = 65.0
+"""Angle from the vertical of the lowest of them."""
+_PIXELS = 800
+"""Side of the depth maps that tell what is hidden, pixels of some 6 mm."""
+_BIAS_M = 0.01
+"""How far in front of a point something must be to hide it, metres."""
+_SHOWN_M = 8.0
+"""How far about the plot what photographs show is looked at, metres."""
+_SIDE = 13
+"""Places of ground there, along each side."""
+_CELL_M = 0.025
+"""Cells of the canopy by which traits are compared, metres: as far as points of the reference are apart."""
+_STREAM = 61
+"""Seed of the draw of what is reconstructed."""
+PHASES = ((0.0, 0.0), (0.5, 0.5))
+"""Where lines lie beside a plot, in shares of their spacings: which plots have which is chance."""
+
+
+class Expectation(NamedTuple):
+    """Of a pattern, mean over where its lines lie."""
+
+    gap_m: float
+    """Distance from a point of the plants' surface to the nearest reconstructed one."""
+    noise_m: float
+    """Error of reconstructed points."""
+    height_m: float
+    cover: float
+    volume: float
+    """Errors of traits that come of what is missing alone (`TraitErrors`)."""
+
+
+_NOTHING = Expectation(CAP_M, CAP_M, 1.0, 1.0, 1.0)
+"""Of a pattern that shows nothing twice."""
+
+
+@dataclass(frozen=True, eq=False)
+class PatternScore:
+    """Which points of a plot's surface, among its neighbours, are seen from where; looked at once for all patterns.
+
+    Photographs are taken from so far above that rays to a place are parallel, nearly.
+    """
+
+    block: Block
+    points: FloatArray
+    normals: FloatArray
+    directions: cKDTree
+    seen: BoolArray
+    """(p, d) whether a point is seen from a direction."""
+
+    @classmethod
+    def of(cls, block: Block, advance: Advance = ignore) -> PatternScore:
+        """Of a block; some 10 CPU s. ``advance`` is told of directions, of which there are 250."""
+        assert block.reference.normals is not None
+        drawn = np.random.default_rng(0).permutation(len(block.reference))[:_POINTS]
+        points, normals = block.reference.points[drawn], block.reference.normals[drawn].astype(np.float64)
+        # Spread evenly over a cap of the sphere.
+        k = np.arange(_DIRECTIONS) + 0.5
+        up = 1.0 - k / _DIRECTIONS * (1.0 - np.cos(np.radians(_FARTHEST_DEG)))
+        turn = k * np.pi * (3.0 - np.sqrt(5.0))
+        level = np.sqrt(1.0 - up**2)
+        directions = np.column_stack([level * np.cos(turn), level * np.sin(turn), up])
+        middle = block.triangles.reshape(-1, 3).mean(axis=0)
+        triangles, centred = block.triangles - middle, points - middle
+        radius_m = float(np.linalg.norm(triangles.reshape(-1, 3), axis=1).max())
+        seen = np.empty((len(points), _DIRECTIONS), dtype=np.bool_)
+        for number, direction in enumerate(directions):
+            open_ = visible_from(centred, triangles, direction, radius_m, pixels=_PIXELS, bias_m=_BIAS_M)
+            seen[:, number] = open_ > 0.5
+            advance(1)
+        return cls(block, points, normals, cKDTree(directions), seen)
+
+    def expect(self, pattern: Pattern, camera: Intrinsics, noise: NoiseSettings) -> Expectation:
+        """What a pattern is worth, by the terms of the geometric score for views that neighbours hide."""
+        found = [self._of_phase(pattern, camera, noise, phase) for phase in PHASES]
+        return Expectation(*np.mean(found, axis=0).tolist())
+
+    def _of_phase(
+        self, pattern: Pattern, camera: Intrinsics, noise: NoiseSettings, phase: tuple[float, float]
+    ) -> Expectation:
+        poses = poses_about(pattern, self.block, camera, phase)
+        tied = dict(zip(map(id, poses), self._tied(poses, camera), strict=True))
+        sights = []
+        for pose in showing(poses, camera, plot_volume(self.block), MOST_VIEWS):
+            rays = pose.center - self.points
+            away = np.linalg.norm(rays, axis=1)
+            rays /= away[:, None]
+            seen = (
+                camera.sees(pose.to_camera(self.points))
+                & self.seen[np.arange(len(rays)), self.directions.query(rays)[1]]
+            )
+            footprint = np.maximum(away / camera.fx, FINEST_M)
+            quality = tied[id(pose)] * quality_of_views(seen, np.abs((self.normals * rays).sum(axis=1)), footprint)
+            air_m = swayed_m(noise.wind_m, away, noise.vehicle_kg, away * rays[:, 2])
+            sway = (SWAYING * np.clip(self.points[:, 2] / self.block.height_m, 0.0, 1.0) * air_m) ** 2
+            sights.append(np.column_stack([rays, quality, footprint, sway]).astype(np.float32))
+        if len(sights) < 2:
+            return _NOTHING
+        p, error = reconstructed(sights)
+        gap_m = float(expected_distance_m(self.points, p).mean())
+        noise_m = float((p * error).sum() / max(p.sum(), 1e-9))
+        # What is about a point is there or missing with it.
+        there = (np.random.default_rng(_STREAM).random(len(p)) < p)[self._about]
+        if not there.any():
+            return _NOTHING
+        missing = trait_errors(traits(self.block.reference.points[there], _CELL_M), self._true, self.block)
+        return Expectation(gap_m, noise_m, missing.height_m, missing.cover, missing.volume)
+
+    def _tied(self, poses: Sequence[Pose], camera: Intrinsics) -> FloatArray:
+        """(n,) probability that photographs are tied to any other by what soil both show; loose ones are left out."""
+        middle = self.points.mean(axis=0)
+        places = np.linspace(-_SHOWN_M, _SHOWN_M, _SIDE)
+        ground = np.stack([*np.meshgrid(places, places), np.zeros((_SIDE, _SIDE))], axis=-1).reshape(-1, 3) + middle
+        shown = np.array([camera.sees(pose.to_camera(ground)) for pose in poses], dtype=np.float64)
+        shown = shown.reshape(-1, len(ground))
+        overlap = shown @ shown.T / np.maximum(shown.sum(axis=1), 1.0)
+        rays = middle - np.array([pose.center for pose in poses]).reshape(-1, 3)
+        rays /= np.linalg.norm(rays, axis=1)[:, None]
+        angles_deg = np.degrees(np.arccos(np.clip(rays @ rays.T, -1.0, 1.0)))
+        tie = ties(angles_deg, np.minimum(overlap, overlap.T), self.block.height_m)
+        np.fill_diagonal(tie, 0.0)
+        return np.asarray(1.0 - np.prod(1.0 - tie, axis=1))
+
+    @cached_property
+    def _about(self) -> IntArray:
+        """(n,) for each point of the reference the one of ``points`` that is nearest."""
+        return np.asarray(cKDTree(self.points).query(self.block.reference.points)[1])
+
+    @cached_property
+    def _true(self) -> FloatArray:
+        return traits(self.block.reference.points, _CELL_M)

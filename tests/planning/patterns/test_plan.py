@@ -1,0 +1,59 @@
+"""A pattern for a trial, by those that come with fieldkit."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from fieldkit.errors import UsageError
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.planning.patterns.plan import FRONT_FILE, plan_trial
+from fieldkit.planning.plan_settings import TrialSettings
+from fieldkit.results.plan_file import load_plan
+
+VEHICLE = "dji-mavic-3-enterprise"
+
+
+@pytest.fixture(scope="module")
+def plots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Forty plots of 4 × 1.5 m with rows to the east."""
+    frame, features = LocalFrame(52.3, 10.4), []
+    for number in range(40):
+        x, y = 5.0 * (number // 10), 1.5 * (number % 10)
+        corners = [(x, y), (x + 4, y), (x + 4, y + 1.5), (x, y + 1.5), (x, y)]
+        ring = [[float(v[0]) for v in frame.to_geodetic([(a, b, 0.0)])[1::-1]] for a, b in corners]
+        polygon = {"type": "Polygon", "coordinates": [ring]}
+        features.append({"type": "Feature", "properties": {"plot_id": f"p{number}"}, "geometry": polygon})
+    file = tmp_path_factory.mktemp("trial") / "plots.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return file
+
+
+def asked(plots: Path, **more: object) -> TrialSettings:
+    return TrialSettings.model_validate({"trial": plots, "stage": "V10", **more})
+
+
+def test_the_plan_is_the_best_pattern_of_the_front_in_the_minutes_that_there_are(plots: Path, tmp_path: Path) -> None:
+    made = plan_trial(tmp_path / "plan", asked(plots, minutes=5.0), VEHICLE)
+    within = [each for each in made.front if each.minutes <= 5.0]
+    assert made.plots == 40
+    assert 1 < len(made.front) <= 12
+    assert made.chosen is min(within, key=lambda each: each.worth.value_m)
+    assert load_plan(tmp_path / "plan", patterns=True).pattern == made.chosen.worth.pattern
+    with (tmp_path / "plan" / FRONT_FILE).open() as lines:
+        assert len(list(csv.DictReader(lines))) == len(made.front)
+
+
+def test_the_plan_is_the_fastest_pattern_with_errors_as_wanted(plots: Path, tmp_path: Path) -> None:
+    made = plan_trial(tmp_path / "plan", asked(plots, height_error_m=0.04), VEHICLE)
+    assert made.chosen is next(each for each in made.front if each.worth.height_m <= 0.04)
+    with pytest.raises(UsageError, match=r"no pattern is expected to measure heights to 1 cm"):
+        plan_trial(tmp_path / "better", asked(plots, height_error_m=0.01), VEHICLE)
+
+
+def test_what_cannot_be_is_refused(plots: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"the fastest takes"):
+        plan_trial(tmp_path / "plan", asked(plots, minutes=0.2), VEHICLE)
+    with pytest.raises(UsageError, match=r"how high are the plants"):
+        plan_trial(tmp_path / "plan", asked(plots, stage=None), VEHICLE)
