@@ -42,6 +42,8 @@ DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 """Distances of precision, recall and F-score."""
 NINE_IN_TEN = 1.645
 """Nine in ten draws of a normal distribution lie within so many standard deviations."""
+SIGMA_OF_MEDIAN = 1.4826
+"""Standard deviation of a normal distribution over the median of its absolute deviations."""
 LEAST_POSITIONS = 3
 """Fewer positions give neither a scale nor an orientation."""
 CAP_M = 0.10

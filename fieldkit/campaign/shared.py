@@ -13,6 +13,7 @@ from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.evaluation.evaluate_plot import RESERVED, write_evaluation
 from fieldkit.evaluation.flight import LEAST_VIEWS, evaluate_plots
+from fieldkit.evaluation.rasters import CANOPY_FILE, Rasters
 from fieldkit.files import atomic_folder, check_writable
 from fieldkit.results.evaluation import FlightEntry, PlotEvaluation
 from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, Visit, save_visit
@@ -20,19 +21,29 @@ from fieldkit.runtime.context import Context
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.version import __version__
 
+FLIGHTS_FOLDER = "flights"
+"""Of a campaign, with rasters of the whole field in a folder a date."""
+
 
 def evaluate_shared(
-    folder: Path, captures: Path, context: Context | None = None, *, ground: Path | None = None
+    folder: Path,
+    captures: Path,
+    context: Context | None = None,
+    *,
+    ground: Path | None = None,
+    rasters: Rasters | None = None,
 ) -> CampaignRun:
     """Map a flight over a campaign's plots once, and make a visit of every plot that it shows.
 
     The visits take the place of those of the same plots and date. They are made by the campaign's settings, without
-    references, plans and rasters of single plots.
+    references, plans and rasters of single plots. With rasters the folder flights/DATE holds what
+    `fieldkit.evaluation.field.write_field` makes of the whole field.
 
     Args:
         folder: of the campaign, whose plots have outlines.
         captures: folder of georeferenced photographs, of one date.
         ground: of an earlier flight over the bare soil.
+        rasters: of the field; None takes the campaign's settings.
 
     Raises:
         FieldkitError: as `fieldkit.evaluation.flight.evaluate_flight`.
@@ -48,9 +59,16 @@ def evaluate_shared(
         seen_by_all = context.cache.root if context.scheduler else None
         with tempfile.TemporaryDirectory(prefix="fieldkit-flight-", dir=seen_by_all) as made:
             drawn = [(plot, plot.shape) for plot in campaign.plots]
-            settings = campaign.evaluation.reconstruction
+            settings, asked = campaign.evaluation.reconstruction, rasters or campaign.evaluation.wanted_rasters
             results, flight = evaluate_plots(
-                captures, folder / CAMPAIGN_FILE, drawn, Path(made), settings, context, ground=ground
+                captures,
+                folder / CAMPAIGN_FILE,
+                drawn,
+                Path(made),
+                settings,
+                context,
+                ground=ground,
+                rasters=asked,
             )
             shown = [plot for plot in results if plot.images >= LEAST_VIEWS]
             date = next((plot.date for plot in shown if plot.date), None) or folder_date(captures.absolute().name)
@@ -60,6 +78,11 @@ def evaluate_shared(
                     path=captures,
                     remedy="Put them into a folder that is called by the date, like 2026-06-30.",
                 )
+            if (Path(made) / CANOPY_FILE).is_file():
+                with atomic_folder(folder / FLIGHTS_FOLDER / date, overwrite=True, marker=CANOPY_FILE) as field:
+                    for file in (file for file in Path(made).iterdir() if file.is_file()):
+                        shutil.copy(file, field)
+                flight = flight.model_copy(update={"picture": ()})  # it is not beside the visits
             visits = [_kept(campaign, plot, date, captures, Path(made), flight) for plot in shown]
         campaign = write_traits(folder)
     return CampaignRun(campaign, flight.images, tuple(visits), (), (), ())

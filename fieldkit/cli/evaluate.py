@@ -96,12 +96,14 @@ def command(
     others |= {"--poses": poses.poses}
     others = {option: value for option, value in others.items() if value}
     if output is None:
-        given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own]
+        of_field = {"rasters", "gsd_m"} if shared else set()
+        given = [f"--{name.removesuffix('_m')}" for name in type(settings).model_fields if name in own - of_field]
         given += [*others, *(option for option, value in {"--ties": ties, "--plots": plots}.items() if value)]
         if ground is not None and not shared:
             given.append("--ground")
         folder = _campaign_folder(campaign, given)
-        return _in_campaign(folder, captures, run, scheduler, shared=shared, ground=ground, as_json=as_json)
+        whole = settings if shared else None
+        return _in_campaign(folder, captures, run, scheduler, shared=whole, ground=ground, as_json=as_json)
     if shared:
         raise UsageError("--shared is of a campaign", remedy="Leave -o out, or give --plots instead.")
     if campaign is not None:
@@ -174,16 +176,23 @@ def _campaign_folder(campaign: Path | None, given: Sequence[str]) -> Path:
 
 
 def _in_campaign(
-    folder: Path, captures: Path, run: RunOptions, scheduler: str, *, shared: bool, ground: Path | None, as_json: bool
+    folder: Path,
+    captures: Path,
+    run: RunOptions,
+    scheduler: str,
+    *,
+    shared: EvaluationSettings | None,
+    ground: Path | None,
+    as_json: bool,
 ) -> int:
-    """Evaluate the photographs' visits in a campaign."""
+    """Evaluate the photographs' visits in a campaign; ``shared`` asks for rasters of a flight over all plots."""
     from fieldkit.campaign.run import evaluate_campaign
     from fieldkit.campaign.shared import evaluate_shared
 
     computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
     with computing as context:
-        if shared:
-            done = evaluate_shared(folder, captures, context, ground=ground)
+        if shared is not None:
+            done = evaluate_shared(folder, captures, context, ground=ground, rasters=shared.wanted_rasters)
         else:
             done = evaluate_campaign(folder, captures, context, overwrite=run.overwrite)
     if as_json:

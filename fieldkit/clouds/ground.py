@@ -13,6 +13,8 @@ from fieldkit.results.fields import vector
 from fieldkit.results.frame import Plane
 from fieldkit.runtime.kernels import kernel
 
+UP = (0.0, 0.0, 1.0)
+"""Upwards in a frame whose z is up."""
 _HYPOTHESES = 8192
 """Number of planes that are tried where up is not known; a fourfold one where it is."""
 _SCORED_POINTS = 20_000

@@ -28,7 +28,8 @@ def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> d
     except UnicodeDecodeError as error:
         raise MetadataError("is not text in UTF-8", path=file, remedy=remedy) from error
     except json.JSONDecodeError as error:
-        raise MetadataError(f"is not JSON: line {error.lineno}: {error.msg}", path=file, remedy=remedy) from error
+        why = f"line {error.lineno}: {error.msg}" if data.strip() else "it is empty"
+        raise MetadataError(f"is not JSON: {why}", path=file, remedy=remedy) from error
     except (RecursionError, ValueError) as error:  # brackets without end; integers with thousands of digits
         raise MetadataError(f"is not JSON that a {noun} could hold", path=file, remedy=remedy) from error
     if not isinstance(document, dict):

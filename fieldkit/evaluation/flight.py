@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -221,10 +222,11 @@ def evaluate_plots(
         ground: as of `evaluate_flight`.
         rasters: of the whole field, to be written into ``folder``.
     """
-    capture = _read(captures, settings, context)
-    _check_plots(file, plots, capture)
-    with steady_capture(capture, context) as steady:
-        sparse = _placed(steady, settings, context)
+    flights = [_read(Path(folder), settings, context) for folder in (captures, ground) if folder is not None]
+    _check_plots(file, plots, flights[0])
+    with ExitStack() as bursts:
+        steady = [bursts.enter_context(steady_capture(flight, context)) for flight in flights]
+        sparse, *bare = (_placed(flight, settings, context) for flight in steady)
         heading_deg = plots[0][0].row_heading_deg
         sparse = sparse.moved(Similarity(1.0, plot_from_enu(heading_deg), np.zeros(3)))
         frame = sparse.frame
@@ -233,9 +235,8 @@ def evaluate_plots(
         reasons = "".join(f"; {number} {reason}" for reason, number in flight.unregistered.items())
         counted = count(flight.right, "photograph counts", "photographs count", of=flight.images)
         context.progress.note(f"{counted}, {flight.loose} of them loosely{reasons}")
-        bare = None if ground is None else _placed(_read(Path(ground), settings, context), settings, context)
         rows = {plot.name: row_outlines(outlines[plot.name], plot, heading_deg) for plot, _ in plots}
-        results = _evaluated(sparse, bare, outlines, rows, settings, folder.absolute(), context)
+        results = _evaluated(sparse, next(iter(bare), None), outlines, rows, settings, folder.absolute(), context)
         if rasters is not None:
             picture = write_field(folder, sparse, outlines, results, rasters, context)
             flight = flight.model_copy(update={"picture": picture})
@@ -362,21 +363,24 @@ def plot_views(sparse: SparseResult, volume: Volume) -> tuple[str, ...]:
     return names[: max(MOST_VIEWS, int((of_place < _VIEWS_OF_PLACE).sum()) + 1)]
 
 
-def _field_ground(sparse: SparseResult, settings: ReconstructionSettings) -> FieldGround | None:
-    points, well_seen = model_points(sparse.model), track_lengths(sparse.model) >= WELL_SEEN
-    return FieldGround.of(points, sparse.poses, well_seen, seed=settings.seed)
+def _ground(sparse: SparseResult, points: FloatArray, settings: ReconstructionSettings) -> FieldGround | None:
+    return FieldGround.of(points, sparse.poses, track_lengths(sparse.model) >= WELL_SEEN, seed=settings.seed)
 
 
 def _grounds(
-    sparse: SparseResult, bare: SparseResult | None, outlines: Sequence[Outline], settings: ReconstructionSettings
+    sparse: SparseResult,
+    own: FieldGround | None,
+    bare: SparseResult | None,
+    outlines: Sequence[Outline],
+    settings: ReconstructionSettings,
 ) -> list[tuple[Plane, float] | None]:
-    """The ground below each plot and the standard deviation of its height; ``bare`` is of an earlier flight."""
+    """The ground below each plot and the standard deviation of its height, by a flight and an earlier one, ``bare``."""
     corners = [np.array(outline) for outline in outlines]
-    own = _field_ground(sparse, settings)
     if bare is None:
         return grounds_under(corners, own, None)
     bound_m = [flight.frame.bound_m or 0.0 for flight in (sparse, bare)]
-    earlier = _field_ground(bare.moved(motion_onto(bare, sparse)), settings)
+    there = bare.moved(motion_onto(bare, sparse))
+    earlier = _ground(there, model_points(there.model), settings)
     return grounds_under(corners, own, earlier, math.hypot(*bound_m) / POSITION_SIGMAS)
 
 
@@ -402,9 +406,9 @@ def _evaluated(
 ) -> list[PlotEvaluation]:
     """The plots in order; parallel by plots where there are workers."""
     points = model_points(sparse.model)
-    well_seen = track_lengths(sparse.model) >= WELL_SEEN
-    grounds = _grounds(sparse, bare, list(outlines.values()), settings)
-    points = points[well_seen] if well_seen.sum() >= _LEAST_POINTS else points
+    own = _ground(sparse, points, settings)
+    grounds = _grounds(sparse, own, bare, list(outlines.values()), settings)
+    points = own.points if own is not None and len(own.points) >= _LEAST_POINTS else points
     if unsure := coarse_place(sparse.frame, _UNSURE):
         context.progress.note(unsure)
     jobs: list[_Job] = []

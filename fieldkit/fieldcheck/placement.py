@@ -17,6 +17,7 @@ from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SitePlot
+from fieldkit.vocabulary import SIGMA_OF_MEDIAN
 from fieldkit.wording import listed
 
 _MUCH_WORSE = 2.0
@@ -155,7 +156,7 @@ def _fitted(tags: Tags, stations: PoseArray, turn_deg: float, placement: Placeme
 
 def _scatter_m(apart: FloatArray) -> float:
     """Per axis, of positions less stations (n, 3); that of heights where these are much worse, as barometers are."""
-    together, up = (1.4826 * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
+    together, up = (SIGMA_OF_MEDIAN * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
     return up if up > _MUCH_WORSE * together else together
 
 

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.special import log_ndtr, ndtr
 
 from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.vocabulary import SIGMA_OF_MEDIAN
 
 _RARE = math.log(20.0)
 """Of 20 triggers one gives no photograph, of 20 photographs one is an extra: the price of either."""
@@ -204,7 +205,7 @@ def fit_to(observed: Observed, before: Fit, pairs: dict[int, int]) -> Fit:
     apart = apart[np.isfinite(apart).all(axis=1)]
     if len(apart) >= 3:
         shift = np.median(apart, axis=0)
-        spread = 1.4826 * float(np.median(np.abs(apart - shift)))
+        spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(apart - shift)))
         fit = replace(fit, shift_m=shift, place_m=float(np.clip(spread, *_PLACE_RANGE_M)))
     return fit
 

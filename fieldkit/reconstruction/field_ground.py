@@ -14,11 +14,12 @@ import numpy as np
 import shapely
 
 from fieldkit.arrays import BoolArray, FloatArray
-from fieldkit.clouds.ground import fit_ground_plane
+from fieldkit.clouds.ground import UP, fit_ground_plane
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Pose
 from fieldkit.results.fields import vector
 from fieldkit.results.frame import Plane
+from fieldkit.vocabulary import SIGMA_OF_MEDIAN
 
 _ABOUT_M = 1.5
 """Width about a plot whose soil tells the plot's ground, metres: alleys are about so wide."""
@@ -38,10 +39,6 @@ _ROUNDS = 10
 """Most rounds of leaving out what is no soil."""
 _WELL_KNOWN_M = 0.03
 """Standard deviation of a ground from which it tells how far another flight is off, metres."""
-_MAD = 1.4826
-"""Factor from the median of absolute deviations to a standard deviation."""
-_UP = np.array([0.0, 0.0, 1.0])
-"""Upwards in the plot frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +63,7 @@ class FieldGround:
         """
         centers = np.array([pose.center for pose in poses.values()])
         try:
-            whole = fit_ground_plane(points, centers, up=_UP, well_seen=well_seen, seed=seed)
+            whole = fit_ground_plane(points, centers, up=UP, well_seen=well_seen, seed=seed)
         except (EmptyCloudError, ReconstructionError):
             return None
         return cls(points[well_seen], whole)
@@ -134,7 +131,7 @@ def grounds_under(
     ]
     lower_m, sigma_m = (float(np.median(off_m)), 0.0) if off_m else (0.0, position_sigma_m)
     if len(off_m) > 1:
-        sigma_m = float(_MAD * np.median(np.abs(np.array(off_m) - lower_m)) / np.sqrt(len(off_m)))
+        sigma_m = float(SIGMA_OF_MEDIAN * np.median(np.abs(np.array(off_m) - lower_m)) / np.sqrt(len(off_m)))
     settled: list[tuple[Plane, float] | None] = []
     for ground, earlier in zip(known, before, strict=True):
         if earlier is not None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures.model import Capture
-from fieldkit.clouds.ground import MAX_TILT_DEG, fit_ground_plane
+from fieldkit.clouds.ground import MAX_TILT_DEG, UP, fit_ground_plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -21,8 +21,6 @@ from fieldkit.results.frame import Plane
 from fieldkit.vocabulary import LEAST_POSITIONS
 from fieldkit.wording import count
 
-_UP = (0.0, 0.0, 1.0)
-"""Upward direction of a frame whose z is up."""
 _LOOKING_UP = 0.5  # sine of the optical axis' elevation
 _RECORDED_UP_DEG = 10.0
 """Recorded pitch from which a camera that looks up in the model was meant to, degrees."""
@@ -39,13 +37,13 @@ def known_up(poses: Mapping[str, Pose], priors: Priors, *, metric: bool) -> Floa
     known = {name: priors.by_name[name] for name in poses if name in priors.by_name}
     recorded = {name: p.rotation for name, p in known.items() if p.rotation is not None and p.angles is not None}
     if metric and priors.frame is not None and priors.frame.georeferenced:
-        return np.array(_UP)
+        return np.array(UP)
     placed = priors.positions(known) if metric and known else np.zeros((0, 3))
     if len(placed) >= LEAST_POSITIONS and priors.frame is not None and priors.frame.source == "poses.csv":
         across_m = float(np.linalg.svd(placed - placed.mean(axis=0), compute_uv=False)[1])
         held = POSITION_SIGMAS * priors.sigma_m <= np.tan(np.radians(MAX_TILT_DEG)) * across_m
         if held and (recorded or 2 * len(_looking_up(poses)) < len(poses)):
-            return np.array(_UP)
+            return np.array(UP)
     if len(recorded) < LEAST_POSITIONS or look_odd(recorded):
         return None
     mean = np.mean([poses[name].rotation.T @ rotation[:, 2] for name, rotation in recorded.items()], axis=0)

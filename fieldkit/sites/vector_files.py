@@ -280,7 +280,7 @@ def wgs84_features(document: Mapping[str, Any], path: Path) -> tuple[Feature, ..
     if kind not in ("FeatureCollection", "Feature"):
         rows = [{"type": "Feature", "geometry": document}]
     if not isinstance(rows, list) or not 0 < len(rows) <= MAX_FEATURES:
-        message = f"holds no features, or too many: {MAX_FEATURES} are the most"
+        message = f"holds more than {MAX_FEATURES} features" if rows else "holds no features"
         raise MetadataError(message, path=path, remedy=_REMEDY)
     features, corners = list[Feature](), 0
     for number, row in enumerate(rows, 1):

@@ -94,19 +94,28 @@ def test_photographs_count_for_every_plot_they_show(
     assert report.flight.right == 8
     field = {"canopy-height.tif", "surface.tif", "orthophoto.tif", "field.jpg"}
     assert {file.name for file in report.files} >= field
+    (x0, y0, *_), corners = WEST, np.array(west.outline)
+    np.testing.assert_allclose(corners[0], (y0, -x0), atol=0.02)
+    shown = np.array(report.flight.picture)
+    assert (shown.min(axis=0) < corners.min(axis=0)).all()
+    assert (shown.max(axis=0) > np.max(east.outline, axis=0)).all()
+    assert shown[0, 0] < shown[1, 0]
 
     save_plan(line.folder / "plan.json", plan_from_poses(STATIONS, CAMERA))
     site = f"format = 1\n[home]\nlatitude_deg = {ORIGIN.latitude_deg}\nlongitude_deg = {ORIGIN.longitude_deg}\n"
     (line.folder / "site.toml").write_text(site, "utf-8")
     files = ("--plan", "plan.json", "--site", "site.toml", "--plots", plots, "--fidelity", "draft")
     line.run("campaign", "init", "season", *files)
-    done = line.run("evaluate", DATE, "--campaign", "season", "--shared", "--json")
+    done = line.run("evaluate", DATE, "--campaign", "season", "--shared", "--rasters", "--json")
     assert line.entries("plots") == 2  # as evaluated before
     assert [(visit["plot"], visit["date"]) for visit in done.json["evaluated"]] == [("A", DATE), ("C", DATE)]
     (visit, _) = read_visits(line.folder / "season")
     kept = line.folder / "season" / visit.folder
     assert load_evaluation_report(kept).plots[0].points == west.points
     assert differing(line.folder / "scores" / "A", kept / "A") == ["overview.png"]
+    maps = line.folder / "season" / "flights" / DATE
+    assert {file.name for file in maps.iterdir()} == field | {"canopy-height.qml", "surface.qml"}
+    assert field.isdisjoint(differing(maps, line.folder / "scores"))
 
 
 @pytest.mark.parametrize(
