@@ -16,7 +16,7 @@ import shapely
 import shapely.affinity
 
 from fieldkit.arrays import FloatArray
-from fieldkit.cache import digest
+from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.captures.selection import capture_of, find_photographs
@@ -479,7 +479,9 @@ def _plot(job: _Job, context: Context) -> PlotEvaluation:
         placed=job.placed,
     )
     read, photographs = (lambda: plot), len(sparse.poses)
-    result = evaluate_plot(job.name, read, job.folder, job.place, job.settings, context, photographs=photographs)
+    # The whole plot is kept, so its depth maps, a gigabyte for every few plots, are not.
+    apart = replace(context, cache=StageCache(None))
+    result = evaluate_plot(job.name, read, job.folder, job.place, job.settings, apart, photographs=photographs)
     if result.error is None:
         files = {path.name: path.read_bytes() for path in sorted(place.iterdir())}
         files[_EVALUATION] = result.model_dump_json().encode()
