@@ -22,6 +22,7 @@ from fieldkit.cli.common import (
     emit_json,
     say,
     show,
+    table,
 )
 from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import run_context
@@ -57,8 +58,12 @@ class AgainOptions:
     output: Annotated[Path | None, Option("--output", "-o")] = None
     """Mission file for the stations to fly again; needs --vehicle and --site."""
 
-    def check(self, site: Path | None) -> None:
+    def check(self, site: Path | None, mission: Path | None) -> None:
         """Raise UsageError where a mission needs more than is given, or a vehicle is given without one."""
+        if mission is not None:
+            if self.output is not None:
+                raise UsageError("-o is of stations", remedy="Lines are flown again by export-mission --lines.")
+            return
         if self.output is not None and (self.vehicle is None or site is None):
             raise UsageError("a mission needs a vehicle and a site", remedy="Give --vehicle and --site with -o.")
         if self.vehicle is not None and self.output is None:
@@ -69,6 +74,7 @@ def command(
     captures: Path,
     *,
     plan: Path | None = None,
+    flown: Annotated[Path | None, Option("--mission", metavar="FILE")] = None,
     place: SitePlotOptions,
     log: LogOption = None,
     fit: FitOption = None,
@@ -89,16 +95,24 @@ def command(
     Args:
         captures: Folder of photographs of one plot, or a folder of such folders.
         plan: plan.json that was flown, or the folder that holds it; none: quality only.
+        flown: mission.json of a flight over a trial, or its mission file with --vehicle: tell which plots lack
+            photographs, by the tags alone.
         no_cache: Neither use nor keep what stages computed.
 
     Examples:
         fieldkit check dense/
         fieldkit check flight_7/ --plan plan.json
+        fieldkit check flight/ --mission mission.json
         fieldkit check card/ --plan plan.json --site field.toml --plots plots.gpkg
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
     """
-    again.check(place.site)
+    again.check(place.site, flown)
     site = place.load(tell=None if as_json else say)
+    if flown is not None:
+        if plan is not None:
+            raise UsageError("--plan is of stations, --mission of lines", remedy="Give one of the two.")
+        _check_lines(captures, flown, again.vehicle, site, log, as_json=as_json)
+        return
     from fieldkit.fieldcheck.check import check
 
     with run_context(as_json=as_json, no_cache=no_cache) as context:
@@ -125,6 +139,36 @@ def command(
         show(*files)
         if again.output is not None and not files:
             answer(f"No station is known to need another flight, so {again.output.name} was not written.")
+
+
+def _check_lines(
+    captures: Path, mission: Path, vehicle: str | None, site: Site | None, log: Path | None, *, as_json: bool
+) -> None:
+    from fieldkit.fieldcheck.lines import check_flight
+    from fieldkit.results.plan import station_number
+    from fieldkit.vehicles.vehicle_file import load_vehicle
+
+    report = check_flight(captures, mission, None if vehicle is None else load_vehicle(vehicle), site, log=log)
+    again = [station_number(line) for line in report.fly_again]
+    if as_json:
+        facts = asdict(report)
+        for line in facts["lines"]:
+            line["line"] = station_number(line["line"])
+        for plot in facts["plots"]:
+            plot["lines"] = [station_number(line) for line in plot["lines"]]
+        emit_json(facts | {"ok": report.ok, "summary": report.summary(), "fly_again": again})
+        return
+    missing = sum(line.missing for line in report.lines)
+    show(report.summary())
+    answer(f"{report.photographs} photographs; of {report.foreseen} foreseen, {missing} are missing.")
+    if report.plots:
+        rows = [
+            (plot.plot, str(plot.foreseen), str(plot.there), ", ".join(str(station_number(k)) for k in plot.lines))
+            for plot in sorted(report.plots, key=lambda plot: plot.there / plot.foreseen)
+        ]
+        show(table("Plots without all their photographs", ("plot", "foreseen>", "there>", "missing on lines"), rows))
+    if again:
+        answer(f"fieldkit export-mission {mission} --lines {','.join(map(str, again))} writes the mission for them.")
 
 
 def _missions(

@@ -116,8 +116,8 @@ def check_mission(
     if home is not None:
         taken = [shot for shot in flown.photographs if not shot.never]
         grounds = [below.get(shot.station, 0.0) for shot in taken]
-        cover = coverage(taken, flown.legs, vehicle.camera, _frame(home), grounds, site)
-        findings += coverage_findings(cover)
+        cover = coverage(taken, flown.legs, vehicle, _frame(home), grounds, site)
+        findings += coverage_findings(cover, vehicle)
     findings += _stop_findings(read, vehicle)
     findings += _leg_findings(read, flown, around.obstacles, home)
     findings += _rtk_findings(flown, home, around.canopy, vehicle)

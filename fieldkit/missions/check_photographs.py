@@ -13,14 +13,13 @@ import numpy as np
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
-from fieldkit.missions.coverage import SHUTTER_S, Coverage
+from fieldkit.missions.coverage import Coverage
 from fieldkit.missions.findings import Deviation, error, warning
 from fieldkit.results.finding import Finding
 from fieldkit.routing.mission import GeoPoint, Home, Shot
 from fieldkit.routing.motion import turn_deg
 from fieldkit.sites.reach import Unreachable
 from fieldkit.vehicles.vehicle import Vehicle
-from fieldkit.vocabulary import BURST_INTERVAL_S
 from fieldkit.wording import count, listed
 
 LEAST_SETTLE_S = 0.5
@@ -38,8 +37,8 @@ _NEAR_DEG = 1.0
 """Angle from the plan from which a photograph is a warning, degrees."""
 _MOST_BLUR_PX = 1.0
 """Blur by motion beyond which edges of leaves are lost, pixels."""
-_INTERVAL_SLACK = 0.98
-"""Share of the camera's interval that may be missed by: it is rounded."""
+_FEW_HURRIED = 0.05
+"""Share of photographs in flight that may come too soon for the camera: where lines begin."""
 
 
 def photograph_findings(
@@ -146,16 +145,15 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
         yield error("too-low", message, *where)
 
 
-def coverage_findings(cover: Coverage) -> Iterator[Finding]:
+def coverage_findings(cover: Coverage, vehicle: Vehicle) -> Iterator[Finding]:
     """What speaks against photographs in flight, and plots that are not shown."""
-    if cover.interval_s is not None and cover.interval_s < _INTERVAL_SLACK * BURST_INTERVAL_S:
-        message = (
-            f"photographs are {cover.interval_s:.2f} s apart; cameras keep up about {BURST_INTERVAL_S:g} s: fly "
-            "slower, or give more distance"
-        )
-        yield error("camera-interval", message)
+    if cover.hurried > 0.0 and cover.interval_s is not None:
+        some = f"{100.0 * cover.hurried:.0f} % of the photographs in flight come too soon after another, by"
+        needs = f"{cover.interval_s:.2f} s at least; the camera takes {vehicle.trigger.interval_s:g} s: fly slower"
+        yield (error if cover.hurried > _FEW_HURRIED else warning)("camera-interval", f"{some} {needs}")
     if cover.blur_px is not None and cover.blur_px > _MOST_BLUR_PX:
-        message = f"photographs are blurred by {cover.blur_px:.1f} pixels at 1/{1.0 / SHUTTER_S:.0f} s: fly slower"
+        shutter = f"1/{1.0 / vehicle.trigger.shutter_s:.0f} s"
+        message = f"photographs are blurred by {cover.blur_px:.1f} pixels at {shutter}: fly slower"
         yield warning("motion-blur", message)
     if cover.unseen and cover.blur_px is not None:
         plots = count(len(cover.unseen), "plot is", "plots are", of=len(cover.photographs))

@@ -6,6 +6,7 @@ slope or distortion of the lens.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,18 +17,20 @@ import shapely
 from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import wrapped_deg
+from fieldkit.geometry.stations import PoseArray
 from fieldkit.missions.autopilots.execution import FlownLeg, Photograph, aim
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.site import Site
+from fieldkit.vehicles.vehicle import Vehicle
 
 SHOWN = 0.5
 """Share of a plot's outline that a photograph which shows it holds at least."""
-SHUTTER_S = 1.0 / 1000.0
-"""Exposure of a photograph in the light of day, seconds."""
 _LEAST_DOWN = 0.05
 """Sine of the angle below the horizon of the flattest ray that counts as meeting the ground."""
 _ALIKE_DEG = 5.0
 """Angle within which lines are parallel and pitches alike, degrees."""
+_SOON = 0.98
+"""Share of the camera's interval below which a photograph comes too soon: intervals are rounded."""
 _NADIR_DEG = -80.0
 """Pitch from which a camera looks straight down, degrees."""
 _FEWEST = 3
@@ -53,9 +56,11 @@ class Coverage:
     between: float | None
     """Least overlap of neighbouring lines that look alike."""
     blur_px: float | None
-    """Most blur by motion, at `SHUTTER_S`; None where nothing is photographed in flight."""
+    """Most blur by motion; None where nothing is photographed in flight."""
     interval_s: float | None
     """Least time between photographs in flight."""
+    hurried: float
+    """Share of those that come sooner after another than the camera takes."""
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -66,7 +71,7 @@ class Coverage:
 def coverage(
     taken: Sequence[Photograph],
     legs: Sequence[FlownLeg],
-    camera: Intrinsics,
+    vehicle: Vehicle,
     frame: SiteFrame,
     grounds_m: Sequence[float],
     site: Site | None,
@@ -76,12 +81,11 @@ def coverage(
     Args:
         taken: photographs that are taken.
         legs: of the flight.
-        camera: of all of them.
+        vehicle: that takes them.
         frame: of the site, or about home.
         grounds_m: heights above home of the ground below each.
         site: whose plots count; None where none are known.
     """
-    outlines = {} if site is None else site.outlines
     lines = _lines(taken, legs)
     known = [
         k
@@ -93,46 +97,49 @@ def coverage(
     moving = [k for k, shot in enumerate(taken) if shot.repeat is not None]
     waits = np.diff([taken[k].time_s for k in moving])
     interval_s = float(waits.min()) if len(waits) else None
+    hurried = float((waits < _SOON * vehicle.trigger.interval_s).mean()) if len(waits) else 0.0
     if not known:
         nothing: tuple[tuple[str, ...], ...] = ((),) * len(taken)
-        return Coverage(nothing, dict.fromkeys(outlines, 0), lines, None, None, None, interval_s)
+        return Coverage(nothing, _photographs_of(site, nothing), lines, None, None, None, interval_s, hurried)
     places = frame.points(taken[k].place for k in known)  # type: ignore[misc]
-    poses = [
-        Pose.from_yaw_pitch(place, taken[k].heading_deg or 0.0, taken[k].pitch_deg or 0.0)
-        for k, place in zip(known, places, strict=True)
-    ]
-    above = np.maximum(places[:, 2] - np.array(grounds_m)[known], 0.0)
-    corners, centres, slants = footprints(poses, above, camera)
-    grounds = shapely.polygons(corners)
-    names, areas = list(outlines), np.array(list(outlines.values()))
-    shown: list[list[str]] = [[] for _ in taken]
-    if names:
-        photo, plot = shapely.STRtree(areas).query(grounds, predicate="intersects")
-        shares = shapely.area(shapely.intersection(grounds[photo], areas[plot])) / shapely.area(areas[plot])
-        for k, p in zip(photo[shares >= SHOWN].tolist(), plot[shares >= SHOWN].tolist(), strict=True):
-            shown[known[k]].append(names[p])
-    number = dict.fromkeys(names, 0)
-    for plots in shown:
-        for name in plots:
-            number[name] += 1
-    speeds = np.array([taken[k].speed_mps for k in known])
-    blur = camera.fx * speeds * SHUTTER_S / np.maximum(slants, 1e-3)
-    of_line = [-1 if (line := lines[k]) is None else line for k in known]
     looks = np.array([(taken[k].heading_deg, taken[k].pitch_deg) for k in known], dtype=np.float64)
-    along, between = _overlaps(np.array(of_line), places[:, :2], centres, grounds, looks)
-    return Coverage(
-        tuple(map(tuple, shown)), number, lines, along, between, float(blur.max()) if moving else None, interval_s
-    )
+    corners, centres, slants = footprints(PoseArray(places, *looks.T), np.array(grounds_m)[known], vehicle.camera)
+    shown = dict(zip(known, plots_within(corners, site), strict=True))
+    plots = tuple(shown.get(k, ()) for k in range(len(taken)))
+    speeds = np.array([taken[k].speed_mps for k in known])
+    blur = vehicle.camera.fx * speeds * vehicle.trigger.shutter_s / np.maximum(slants, 1e-3)
+    of_line = [-1 if (line := lines[k]) is None else line for k in known]
+    along, between = _overlaps(np.array(of_line), places[:, :2], centres, shapely.polygons(corners), looks)
+    blur_px = float(blur.max()) if moving else None
+    return Coverage(plots, _photographs_of(site, plots), lines, along, between, blur_px, interval_s, hurried)
+
+
+def _photographs_of(site: Site | None, shown: Sequence[Sequence[str]]) -> dict[str, int]:
+    number = Counter(name for plots in shown for name in plots)
+    return {} if site is None else {name: number[name] for name in site.outlines}
+
+
+def plots_within(corners: FloatArray, site: Site | None) -> list[tuple[str, ...]]:
+    """The plots that each of some grounds, (n, 4, 2) metres east and north of home, holds by `SHOWN` at least."""
+    shown: list[list[str]] = [[] for _ in corners]
+    if site is not None:
+        names, areas = list(site.outlines), np.array(list(site.outlines.values()))
+        grounds = shapely.polygons(corners)
+        ground, plot = shapely.STRtree(areas).query(grounds, predicate="intersects")
+        shares = shapely.area(shapely.intersection(grounds[ground], areas[plot])) / shapely.area(areas[plot])
+        for k, p in zip(ground[shares >= SHOWN].tolist(), plot[shares >= SHOWN].tolist(), strict=True):
+            shown[k].append(names[p])
+    return list(map(tuple, shown))
 
 
 def footprints(
-    poses: Sequence[Pose], above_m: FloatArray, camera: Intrinsics
+    poses: PoseArray, grounds_m: FloatArray, camera: Intrinsics
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where cameras see the level ground: (n, 4, 2) corners, (n, 2) middles, and (n,) metres to these.
 
     Args:
-        poses: of n cameras.
-        above_m: (n,) heights above the ground.
+        poses: of n cameras; headings from y.
+        grounds_m: (n,) heights of the ground below each.
         camera: of all of them.
     """
     columns, rows = np.array([0, camera.width, camera.width, 0]), np.array([0, 0, camera.height, camera.height])
@@ -140,9 +147,11 @@ def footprints(
     y = np.append((rows - camera.cy) / camera.fy, 0.0)
     rays = np.column_stack([x, y, np.ones(5)])
     rays /= np.linalg.norm(rays, axis=1)[:, None]
-    world = rays @ np.array([pose.rotation for pose in poses])
+    looks = zip(poses.positions, poses.yaws.tolist(), poses.pitches.tolist(), strict=True)
+    world = rays @ np.array([Pose.from_yaw_pitch(*look).rotation for look in looks])
+    above_m = np.maximum(poses.positions[:, 2] - grounds_m, 0.0)
     lengths = above_m[:, None] / np.maximum(-world[:, :, 2], _LEAST_DOWN)
-    ground = np.array([pose.center[:2] for pose in poses])[:, None] + lengths[:, :, None] * world[:, :, :2]
+    ground = poses.positions[:, None, :2] + lengths[:, :, None] * world[:, :, :2]
     return ground[:, :4], ground[:, 4], lengths[:, 4]
 
 

@@ -69,7 +69,7 @@ def ground_of(
     exported = {} if record is None else {plot.name: plot for plot in (*record.plots, *record.neighbours)}
     if site is None:
         assert record is not None
-        site = _site_of(record)
+        site = site_of(record)
     else:
         site = site.with_each(lambda plot: _with_height(plot, exported.get(plot.name)))
     stated, site = site, with_plant_height(site, plans, plant_height)
@@ -140,7 +140,7 @@ def _kept_clear(exported: MissionOutline | None, plot: SitePlot, frame: PlotFram
     )
 
 
-def _site_of(record: MissionRecord) -> Site:
+def site_of(record: MissionRecord) -> Site:
     """The site as far as mission.json has it."""
     low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
     return Site(
