@@ -147,17 +147,20 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
 
 def coverage_findings(cover: Coverage, vehicle: Vehicle) -> Iterator[Finding]:
     """What speaks against photographs in flight, and plots that are not shown."""
-    if cover.hurried > 0.0 and cover.interval_s is not None:
-        some = f"{100.0 * cover.hurried:.0f} % of the photographs in flight come too soon after another, by"
-        needs = f"{cover.interval_s:.2f} s at least; the camera takes {vehicle.trigger.interval_s:g} s: fly slower"
-        yield (error if cover.hurried > _FEW_HURRIED else warning)("camera-interval", f"{some} {needs}")
+    if cover.hurried:
+        some = count(cover.hurried, "photograph comes", "photographs come") + f" {cover.interval_s:.2f} s or more"
+        needs = f"the camera takes {vehicle.trigger.interval_s:g} s: fly slower"
+        severe = cover.hurried > _FEW_HURRIED * len(cover.lines)
+        yield (error if severe else warning)("camera-interval", f"{some} behind another, and {needs}")
     if cover.blur_px is not None and cover.blur_px > _MOST_BLUR_PX:
         shutter = f"1/{1.0 / vehicle.trigger.shutter_s:.0f} s"
         message = f"photographs are blurred by {cover.blur_px:.1f} pixels at {shutter}: fly slower"
         yield warning("motion-blur", message)
     if cover.unseen and cover.blur_px is not None:
         plots = count(len(cover.unseen), "plot is", "plots are", of=len(cover.photographs))
-        yield warning("plots-unseen", f"{plots} shown by no photograph: {listed(list(cover.unseen))}")
+        yield warning(
+            "plots-unseen", f"{plots} shown by no photograph: {listed(list(cover.unseen))}; by another flight?"
+        )
 
 
 def bursts(photographs: Sequence[Photograph]) -> list[list[Photograph]]:

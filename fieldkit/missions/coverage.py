@@ -59,8 +59,8 @@ class Coverage:
     """Most blur by motion; None where nothing is photographed in flight."""
     interval_s: float | None
     """Least time between photographs in flight."""
-    hurried: float
-    """Share of those that come sooner after another than the camera takes."""
+    hurried: int
+    """Those that come sooner after another than the camera takes."""
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ def coverage(
     moving = [k for k, shot in enumerate(taken) if shot.repeat is not None]
     waits = np.diff([taken[k].time_s for k in moving])
     interval_s = float(waits.min()) if len(waits) else None
-    hurried = float((waits < _SOON * vehicle.trigger.interval_s).mean()) if len(waits) else 0.0
+    hurried = int((waits < _SOON * vehicle.trigger.interval_s).sum())
     if not known:
         nothing: tuple[tuple[str, ...], ...] = ((),) * len(taken)
         return Coverage(nothing, _photographs_of(site, nothing), lines, None, None, None, interval_s, hurried)

@@ -1,11 +1,13 @@
 """Photographs that a flight over a trial is missing, by plot."""
 
+import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from fieldkit.cli.main import main
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.fieldcheck.lines import check_flight, covering, of_record
 from fieldkit.geometry.stations import PoseArray
@@ -111,3 +113,22 @@ def test_what_is_no_flight_over_a_trial_is_refused(mission, tmp_path):
     (tmp_path / "untagged" / "a.jpg").write_bytes(picture)
     with pytest.raises(CaptureError, match="no positions on Earth"):
         check_flight(tmp_path / "untagged", mission)
+
+
+def test_the_commands_name_plots_and_lines(mission, tmp_path, capsys):
+    folder, _, _ = flown(mission, tmp_path / "flown", lost=lambda shot: shot.line in (6, 7))
+    assert main(["check", str(folder), "--mission", str(mission), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["fly_again"]) <= {7, 8}
+    assert not told["ok"]
+    assert main(["check", str(folder), "--mission", str(mission)]) == 0
+    assert f"--lines {','.join(map(str, told['fly_again']))}" in " ".join(capsys.readouterr().out.split())
+    assert main(["check", str(folder), "--mission", str(mission), "--plan", str(mission)]) == 2
+    capsys.readouterr()
+    plan = str(mission.with_name("mission.plan"))
+    assert main(["check-mission", plan, "--vehicle", "ardupilot-pitch", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert min(told["coverage"]["plots"].values()) > 5
+    assert told["poses"][0]["line"] == 1
+    assert main(["check-mission", plan, "--vehicle", "ardupilot-pitch"]) == 0
+    assert "Photographs in flight" in capsys.readouterr().out
