@@ -130,5 +130,7 @@ def test_the_commands_name_plots_and_lines(mission, tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert min(told["coverage"]["plots"].values()) > 5
     assert told["poses"][0]["line"] == 1
-    assert main(["check-mission", plan, "--vehicle", "ardupilot-pitch"]) == 0
+    picture = tmp_path / "picture.png"
+    assert main(["check-mission", plan, "--vehicle", "ardupilot-pitch", "--picture", str(picture)]) == 0
+    assert cv2.imread(str(picture)).std() > 5.0
     assert "Photographs in flight" in capsys.readouterr().out
