@@ -274,7 +274,7 @@ def _shift_m(taken: PoseArray, foreseen: Foreseen, most_m: float) -> FloatArray:
     some = taken.positions[:: max(1, len(taken.positions) // 400), :2]
     away, _ = tree.query((some[None] - shifts[:, None]).reshape(-1, 2), distance_upper_bound=2.0 * spacing)
     costs = np.minimum(away.reshape(len(shifts), -1) / spacing, 2.0).mean(axis=1)
-    shift = shifts[int((costs + _PER_METRE * np.hypot(*shifts.T)).argmin())]
+    shift: FloatArray = shifts[int((costs + _PER_METRE * np.hypot(*shifts.T)).argmin())]
     for _ in range(_ROUNDS):
         away, at = tree.query(taken.positions[:, :2] - shift, distance_upper_bound=spacing)
         near = np.flatnonzero(np.isfinite(away))

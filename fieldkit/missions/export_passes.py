@@ -153,7 +153,7 @@ def foreseen(each: RoutedFlight, flown: Execution, site: Site, vehicle: Vehicle)
         return each
     grounds = ground_below(site, [place for _, place in taken]).tolist()
     shots = [shot for shot, _ in taken]
-    shown = coverage(shots, flown.legs, vehicle.camera, SiteFrame(site.home), grounds, site).plots
+    shown = coverage(shots, flown.legs, vehicle, SiteFrame(site.home), grounds, site).plots
     names = {plot.name for plot in site.plots}
     given = [
         Passing(
