@@ -126,7 +126,8 @@ def coverage_picture(title: str, taken: Sequence[Photograph], cover: Coverage, s
 
     shots = [shot for shot in taken if shot.place is not None and None not in (shot.heading_deg, shot.pitch_deg)]
     places = SiteFrame(site.home).points(shot.place for shot in shots)  # type: ignore[misc]
-    heading, pitch = np.radians([(shot.heading_deg, shot.pitch_deg) for shot in shots], dtype=np.float64).T
+    angles = np.array([(shot.heading_deg, shot.pitch_deg) for shot in shots], dtype=np.float64).reshape(-1, 2)
+    heading, pitch = np.radians(angles).T
     looks = np.cos(pitch)[:, None] * np.column_stack([np.sin(heading), np.cos(heading)])
     plots = {name: (outline, cover.photographs[name]) for name, outline in site.outlines.items()}
     return png(draw_coverage(title, plots, places[:, :2], looks))
