@@ -291,7 +291,7 @@ def test_an_action_group_of_an_unknown_kind_is_refused(how: dict[str, object], s
     assert refused(report) == [f"waypoint 0 has gimbalRotate, takePhoto, hover in an action group ({said})"]
 
 
-@pytest.mark.parametrize(("trigger", "every", "number"), [("multipleDistance", 2.0, 6), ("multipleTiming", 2.0, 8)])
+@pytest.mark.parametrize(("trigger", "every", "number"), [("multipleDistance", 2.0, 12), ("multipleTiming", 2.0, 10)])
 def test_photographs_on_the_way_are_foretold(trigger: str, every: float, number: int) -> None:
     series = group(1, 3, action("takePhoto"), trigger=trigger, every=every)
     report = checked(EAST + series, EAST, at(3, SHOT), pitch=-60)
