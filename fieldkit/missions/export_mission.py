@@ -191,6 +191,8 @@ def route_for_files(
             capacity=capacity,
             timed=timed,
         )
+    if settings.lines is not None:
+        raise UsageError("--lines is for patterns: stations have none", remedy="Leave it out.")
     return route_plan(
         plan,
         vehicle,

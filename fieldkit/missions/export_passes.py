@@ -230,7 +230,7 @@ def _flight(
     vehicle: Vehicle,
 ) -> RoutedFlight:
     by = vehicle.trigger.passing
-    stops = [stop for line in placed for stop in (_stations if by == "never" else _passed)(line, site)]
+    stops = [stop for line in placed for stop in _stops(line, site, stands=by == "never")]
     first, last = placed[0].way_m[0], placed[-1].way_m[-1]
     takeoff_m, end_m = max(site.takeoff_m, float(first[2])), max(site.transit_m, float(last[2]))
     landing = np.array([*landing_of(site)[:2], end_m])
@@ -248,29 +248,31 @@ def _flight(
     return RoutedFlight(mission, Flight((), (leg,), (), leg.length_m, time))
 
 
-def _passed(line: _Placed, site: Site) -> list[Shot | Via | Passing]:
-    """A line's waypoints with the photographs between them."""
+def _stops(line: _Placed, site: Site, *, stands: bool) -> list[Shot | Via | Passing]:
+    """A line's waypoints with the photographs between them; or where it ``stands``, stations."""
     frame, of = SiteFrame(site.home), line.line
-    way = frame.places(line.way_m)
-    along, bends = (np.linalg.norm(p[:, :2] - line.way_m[0, :2], axis=1) for p in (of.stations_m, line.way_m))
+    places = [_numbers(place) for place in frame.places(of.stations_m)]
+    if stands:
+        return [
+            Shot.at(GeoPoint(*place), of.yaw_deg, of.pitch_deg, plot, line.first + k)
+            for k, (place, plot) in enumerate(zip(places, _aimed_at(line, site), strict=True))
+        ]
     stops: list[Shot | Via | Passing] = []
-    for k, place in enumerate(frame.places(of.stations_m)):
-        stops += [Via(*_numbers(way[b])) for b in np.flatnonzero(bends == along[k])]
-        stops.append(Passing(*_numbers(place), line.number, of.yaw_deg, of.pitch_deg))
-    return [*stops, Via(*_numbers(way[-1]))]
+    vias = [Via(*_numbers(place)) for place in frame.places(line.way_m)]
+    along, bends = (np.linalg.norm(p[:, :2] - line.way_m[0, :2], axis=1) for p in (of.stations_m, line.way_m))
+    for place, metres in zip(places, along, strict=True):
+        stops += [vias[k] for k in np.flatnonzero(bends == metres)]
+        stops.append(Passing(*place, line.number, of.yaw_deg, of.pitch_deg))
+    return [*stops, vias[-1]]
 
 
-def _stations(line: _Placed, site: Site) -> list[Shot | Via | Passing]:
-    """A line's photographs taken standing, each of the plot nearest to what it points at."""
-    frame, of, outlines = SiteFrame(site.home), line.line, _flown_outlines(site)
+def _aimed_at(line: _Placed, site: Site) -> list[str]:
+    """The plots nearest to what a line's photographs point at."""
+    of, outlines = line.line, _flown_outlines(site)
     yaw, down = np.radians(of.yaw_deg), np.radians(-of.pitch_deg)
     ahead = (of.stations_m[:, 2] - line.ground_m)[:, None] / np.tan(down) * (np.sin(yaw), np.cos(yaw))
     nearest = shapely.STRtree(list(outlines.values())).nearest(shapely.points(of.stations_m[:, :2] + ahead))
-    plots = [list(outlines)[k] for k in nearest.tolist()]
-    return [
-        Shot.at(GeoPoint(*_numbers(place)), of.yaw_deg, of.pitch_deg, plot, line.first + k)
-        for k, (place, plot) in enumerate(zip(frame.places(of.stations_m), plots, strict=True))
-    ]
+    return [list(outlines)[k] for k in nearest.tolist()]
 
 
 def _numbers(place: GeoPoint) -> tuple[float, float, float]:

@@ -187,31 +187,19 @@ def pass_flights(
     return tuple(flights)
 
 
-def _waits(lines: Sequence[Line], between: Sequence[motion.Leg], vehicle: Vehicle) -> list[float]:
-    """How long the vehicle stands at lines' beginnings until it has turned; an ArduPilot does so for whole seconds."""
-    turns = motion.turns_s(np.diff([line.yaw_deg for line in lines]), vehicle.speeds).tolist()
-    waits = [max(0.0, turn_s - way.seconds) for turn_s, way in zip(turns, between, strict=True)]
-    return [math.ceil(wait) for wait in waits] if vehicle.dialect == "ardupilot" else waits
-
-
-def _steps(lines: Sequence[Line]) -> FloatArray:
-    """(2 n − 1, 3) of lines, and of the ways between them, in turns."""
-    return np.diff(np.concatenate([line.ends_m for line in lines]), axis=0)
-
-
-def _ways(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> list[motion.Leg]:
-    """Lines, and the ways between them, in turns."""
-    steps = _steps(lines)
-    level = np.hypot(steps[:, 0], steps[:, 1]).tolist()
-    return [motion.leg(a, b, vehicle.speeds, speed_mps) for a, b in zip(level, steps[:, 2].tolist(), strict=True)]
-
-
 def _seconds(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> tuple[list[float], list[float]]:
-    """Along every line, and from each to the next."""
-    ways = _ways(lines, vehicle, speed_mps)
-    waits = _waits(lines, ways[1::2], vehicle)
+    """Along every line, and from each to the next, until the vehicle has turned there.
+
+    An ArduPilot that has not stands there for whole seconds.
+    """
+    # Lines, and the ways between them, in turns.
+    steps = np.diff(np.concatenate([line.ends_m for line in lines]), axis=0).tolist()
+    ways = [motion.leg(math.hypot(east, north), up, vehicle.speeds, speed_mps) for east, north, up in steps]
+    turns = motion.turns_s(np.diff([line.yaw_deg for line in lines]), vehicle.speeds).tolist()
+    waits = [max(0.0, turn_s - way.seconds) for turn_s, way in zip(turns, ways[1::2], strict=True)]
     if vehicle.dialect == "ardupilot":
-        for k, (before, after) in enumerate(pairwise(_steps(lines).tolist())):
+        waits = [math.ceil(wait) for wait in waits]
+        for k, (before, after) in enumerate(pairwise(steps)):
             if k % 2 == 0 or waits[k // 2] == 0.0:
                 turn_cos = motion.turn_cosine(before, after)
                 ways[k : k + 2] = motion.corner(ways[k], ways[k + 1], turn_cos, vehicle.acceptance_m)

@@ -13,6 +13,10 @@ written here are taken in their frames. A waypoint is done when place, height an
 within parameter 2, vertically within NAV_MC_ALT_RAD, the heading within MIS_YAW_ERR, 12° unless it was set) and its
 hold, which counts from the place, is over; what is left the vehicle makes up for while it settles. Older releases
 reject a mission that takes off to less than NAV_ACC_RAD + 1 m (3 m on multicopters), on the ground.
+
+Lines that are photographed in passing: an ArduPilot releases the shutter by distance from the place of the photograph
+before (AP_Camera_Backend::update), and so does PX4's camera_trigger; a camera of the MAVLink protocol on a PX4 goes by
+time (IMAGE_START_CAPTURE with an interval). From the sources; not flown.
 """
 
 from __future__ import annotations
@@ -27,7 +31,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.autopilots.acceptance import check_items
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.routing.mission import GeoPoint, Mission, Passing, Shot, Via
+from fieldkit.routing.mission import GeoPoint, Mission, Passing, Shot
 from fieldkit.routing.motion import leg, turn_seconds
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -247,6 +251,9 @@ def heading(yaw_deg: float) -> float:
     return round(yaw_deg % 360.0, 3) % 360.0
 
 
+Part = Literal["first", "inner", "last"]
+
+
 @dataclass(frozen=True)
 class RoutePoint:
     """A waypoint."""
@@ -258,7 +265,7 @@ class RoutePoint:
     """Of the gimbal."""
     shot: Shot | None
     """The photograph taken there."""
-    part: Literal["first", "inner", "last"] | None = None
+    part: Part | None = None
     """Of a line on which photographs are taken in passing."""
     name: str = ""
     """Of the line."""
@@ -267,18 +274,18 @@ class RoutePoint:
 def waypoints(mission: Mission) -> list[RoutePoint]:
     """A mission's stops but the photographs in passing. Where nothing is photographed, heading and pitch are 0."""
     points: list[RoutePoint] = []
-    before: Shot | Via | Passing | None = None
-    for stop, after in zip(mission.stops, (*mission.stops[1:], None), strict=True):
-        if isinstance(stop, Shot):
-            points.append(RoutePoint(stop.place, stop.yaw_deg % 360.0, stop.pitch_deg, stop))
-        elif isinstance(stop, Via) and isinstance(after, Passing):
-            part: Literal["first", "inner"] = "inner" if isinstance(before, Passing) else "first"
-            points.append(RoutePoint(stop.place, after.yaw_deg % 360.0, after.pitch_deg, None, part, after.name))
-        elif isinstance(stop, Via) and isinstance(before, Passing):
-            points.append(RoutePoint(stop.place, before.yaw_deg % 360.0, before.pitch_deg, None, "last", before.name))
-        elif isinstance(stop, Via):
-            points.append(RoutePoint(stop.place, 0.0, 0.0, None))
-        before = stop
+    stops = mission.stops
+    for before, stop, after in zip((None, *stops), stops, (*stops[1:], None), strict=False):
+        if isinstance(stop, Passing):
+            continue
+        shot = stop if isinstance(stop, Shot) else None
+        of = shot or next((near for near in (after, before) if isinstance(near, Passing)), None)
+        yaw_deg, pitch_deg = (0.0, 0.0) if of is None else (of.yaw_deg % 360.0, of.pitch_deg)
+        point = RoutePoint(stop.place, yaw_deg, pitch_deg, shot)
+        if isinstance(of, Passing):
+            part: Part = "last" if of is before else "inner" if isinstance(before, Passing) else "first"
+            point = replace(point, part=part, name=of.name)
+        points.append(point)
     return points
 
 

@@ -2,7 +2,9 @@
 
 Elements, values and their ranges as in DJI's Cloud API documentation ("DJI WPML": template.kml, waylines.wpml, common
 elements), version 1.0.2 of the namespace. Heights are above the take-off point. At each photograph the aircraft stops,
-turns to the heading, turns the gimbal, hovers, photographs and hovers again, one after the other.
+turns to the heading, turns the gimbal, hovers, photographs and hovers again, one after the other. On lines it stops and
+turns at the beginning only; from there to the line's end a group of multipleDistance or multipleTiming photographs.
+Whether the first of these is taken at once, no documentation says.
 
 Two things are not as that documentation has them. ``gimbalHeadingYawBase`` is "aircraft", as DJI's own apps write it,
 where it knows "north" only; the gimbal's yaw is not turned, so that it does not matter. ``globalRTHHeight`` is left
