@@ -32,7 +32,6 @@ COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
         "campaign plan",
         "campaign show",
         "campaign export",
-        "compare",
         "report",
     ),
     "Simulate": ("demo", "scene new", "scene show", "simulate"),

@@ -22,7 +22,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.campaign.examples import PLAN, campaign_folder, field
-from tests.evaluation.test_compare import evaluation_folder
+from tests.evaluation.examples import evaluation_folder
 from tests.scenes.conftest import make_row
 
 FIELD = field(1, 3)
@@ -50,7 +50,7 @@ def season(tmp_path: Path, visited: Sequence[str] = ("r1c1", "r1c2"), plan: Plan
     site = folder / "site.toml"
     site.write_text(site.read_text().replace("latitude_deg = 52.296\n", "latitude_deg = 52.2957\n"))  # beside the plots
     for plot in visited:
-        evaluation_folder(folder / "visits" / plot / DATES[0], {plot: row()}, None)
+        evaluation_folder(folder / "visits" / plot / DATES[0], {plot: row()})
         keep_visit(folder, Visit(plot=plot, date=DATES[0], folder=f"visits/{plot}/{DATES[0]}", images=8, right=8))
         keep_visit(folder, Visit(plot=plot, date=DATES[1], error="too dark"))
     return read_campaign(folder)
