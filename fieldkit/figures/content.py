@@ -161,8 +161,8 @@ def tabulated(caption: str, rows: Sequence[Row], note: str = "") -> Table:
     )
 
 
-SeriesStyle = Literal["line", "step", "dots", "band"]
-"""A line through the points, steps (a value holds until the next), dots, or a thin line in the background."""
+SeriesStyle = Literal["line", "band"]
+"""A line through the points, or a thin one in the background."""
 Corner = tuple[float, float]
 
 
@@ -172,14 +172,14 @@ class Curve:
 
     name: str
     """In the legend; empty for none."""
-    points: tuple[tuple[float, float | None], ...]
-    """(x, y); y None is a gap."""
+    points: tuple[tuple[float, float], ...]
+    """(x, y), one at least."""
     style: SeriesStyle = "line"
 
 
 @dataclass(frozen=True)
 class LineChart:
-    """A chart."""
+    """A chart, whose y axis holds 0."""
 
     title: str
     description: str
@@ -188,14 +188,8 @@ class LineChart:
     y_label: str
     series: tuple[Curve, ...]
     """Drawn in order; at most five lines have colours of their own."""
-    level: tuple[float, str] | None = None
-    """A dashed line across, with its label."""
-    x_ticks: tuple[tuple[float, str], ...] | None = None
-    """Labels at given places; None takes round numbers."""
-    y_top: float | None = None
-    """End of the y axis; None takes the highest point. Points above it are drawn on the edge and counted."""
-    y_zero: bool = True
-    """Whether the y axis starts at 0."""
+    x_ticks: tuple[tuple[float, str], ...]
+    """Labels at their places."""
 
 
 @dataclass(frozen=True)

@@ -46,10 +46,8 @@ def every_block(text: str) -> tuple[Block, ...]:
         text,
         text,
         text,
-        (Curve(text, ((0.0, 1.0), (1.0, None), (2.0, 3.0))), Curve(text, ((0.0, 9.0),), "dots")),
-        level=(2.0, text),
+        (Curve(text, ((0.0, 1.0), (2.0, 3.0))), Curve(text, ((0.0, 9.0),), "band")),
         x_ticks=((0.0, text), (2.0, text)),
-        y_top=5.0,
     )
     plots = (MappedPlot(text, ((0.0, 0.0), (5.0, 0.0), (5.0, 3.0))), MappedPlot("b", ((9.0, 9.0),)))
     measure = Measure(text, text, {text: {text: 1.5}, "later": {"b": 2.0}}, {"later": {text: text}})

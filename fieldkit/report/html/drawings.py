@@ -186,9 +186,7 @@ class Drawn:
     """Of the colour, from 1; 2 is the grey of the background."""
     style: SeriesStyle
     path: str
-    """Of the line, in SVG's language; empty for dots."""
-    dots: tuple[tuple[str, str, bool], ...]
-    """(x, y, whether it lies above the axis' end)."""
+    """Of the line, in SVG's language."""
 
 
 @dataclass(frozen=True)
@@ -208,51 +206,33 @@ class DrawnChart:
     x_ticks: tuple[tuple[str, str, str], ...]
     y_ticks: tuple[tuple[str, str], ...]
     series: tuple[Drawn, ...]
-    level: tuple[str, str] | None
-    above: int
 
 
 def draw(chart: LineChart) -> DrawnChart:
     """Lay a chart out; ValueError for a coordinate that is not finite."""
-    points = [(x, y) for series in chart.series for x, y in series.points if y is not None]
+    points = [point for series in chart.series for point in series.points]
     if not all(math.isfinite(v) for point in points for v in point):
         raise ValueError(f"{chart.title}: a point that is not finite")
-    xs = [x for x, _ in points] or [0.0, 1.0]
-    ys = [y for _, y in points] + ([chart.level[0]] if chart.level else []) or [0.0, 1.0]
-    low, high = min(ys), max(ys) if chart.y_top is None else chart.y_top
-    if chart.y_zero:
-        low = min(0.0, low)
+    xs, ys = [x for x, _ in points], [0.0, *(y for _, y in points)]
+    low, high = min(ys), max(ys)
     y_ticks = round_ticks(low, high if high - low > _NARROWEST else low + 1.0, 6)
-    low, high = min(low, y_ticks[0]), max(high, y_ticks[-1]) if chart.y_top is None else high
+    low, high = min(low, y_ticks[0]), max(high, y_ticks[-1])
     left, right = (min(xs), max(xs)) if max(xs) - min(xs) > _NARROWEST else (min(xs) - 0.5, max(xs) + 0.5)
-    if chart.x_ticks is None:
-        whole = all(float(x).is_integer() for x in xs)
-        x_ticks = [(v, number_text(v)) for v in round_ticks(left, right, 7, whole=whole)]
-    else:
-        x_ticks = list(chart.x_ticks)
 
     def across(x: float) -> float:
         return _LEFT + (x - left) / (right - left) * (WIDTH - _LEFT - _RIGHT)
 
     def up(y: float) -> float:
-        return HEIGHT - _BOTTOM - (min(y, high) - low) / (high - low) * (HEIGHT - _TOP - _BOTTOM)
+        return HEIGHT - _BOTTOM - (y - low) / (high - low) * (HEIGHT - _TOP - _BOTTOM)
 
     drawn, lines = [], 0
     for series in chart.series:
-        # Dots and thin lines are grey background; other lines take the colours in turn.
-        background = series.style in ("dots", "band")
+        # Thin lines are grey background; other lines take the colours in turn.
+        background = series.style == "band"
         lines += not background
         number = 2 if background else (1, 3, 4, 5, 6)[(lines - 1) % 5]
-        spots = [(across(x), None if y is None else up(y), y is not None and y > high) for x, y in series.points]
-        drawn.append(
-            Drawn(
-                series.name,
-                number,
-                series.style,
-                "" if series.style == "dots" else _path([(x, y) for x, y, _ in spots], series.style == "step"),
-                tuple((_text(x), _text(y), over) for x, y, over in spots if y is not None and series.style == "dots"),
-            )
-        )
+        path = "M" + "L".join(f"{_text(across(x))} {_text(up(y))}" for x, y in series.points)
+        drawn.append(Drawn(series.name, number, series.style, path))
     return DrawnChart(
         chart,
         _text(WIDTH),
@@ -261,22 +241,20 @@ def draw(chart: LineChart) -> DrawnChart:
         _text(WIDTH - _RIGHT),
         _text(_TOP),
         _text(HEIGHT - _BOTTOM),
-        tuple(_apart([(across(v), label) for v, label in x_ticks if left <= v <= right])),
+        tuple(_apart([(across(v), label) for v, label in chart.x_ticks if left <= v <= right])),
         tuple((_text(up(v)), number_text(v)) for v in y_ticks if low <= v <= high),
         tuple(drawn),
-        None if chart.level is None else (_text(up(chart.level[0])), chart.level[1]),
-        sum(y > high for _, y in points),
     )
 
 
-def round_ticks(low: float, high: float, most: int, *, whole: bool = False) -> list[float]:
+def round_ticks(low: float, high: float, most: int) -> list[float]:
     """At most ``most`` multiples of 1, 2 or 5 · 10^k within low ≤ v ≤ high, the finest such.
 
-    ``whole`` takes integers only. There may be none where the range holds no such number.
+    There may be none where the range holds no such number.
     """
     step = 10.0 ** math.floor(math.log10((high - low) / most))
     for factor in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0):
-        size = max(1.0, factor * step) if whole else factor * step
+        size = factor * step
         first, last = math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9)
         if last - first + 1 <= most:
             return [round(k * size, 12) for k in range(first, last + 1)] or [low]
@@ -302,20 +280,6 @@ def _anchor(x: float, label: str) -> str:
     """The anchor of a label; long labels at the ends stay within the drawing."""
     half = 4.5 * len(label)
     return "start" if x - half < _LEFT - 30 else "end" if x + half > WIDTH else "middle"
-
-
-def _path(points: list[tuple[float, float | None]], step: bool) -> str:
-    parts, pen = [], False
-    for x, y in points:
-        if y is None:
-            pen = False
-            continue
-        if not pen:
-            parts.append(f"M{_text(x)} {_text(y)}")
-        else:
-            parts.append(f"H{_text(x)}V{_text(y)}" if step else f"L{_text(x)} {_text(y)}")
-        pen = True
-    return "".join(parts)
 
 
 def _text(value: float) -> str:

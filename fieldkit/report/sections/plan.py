@@ -7,13 +7,10 @@ from typing import TYPE_CHECKING
 
 from fieldkit.figures.content import (
     Block,
-    Charts,
     Column,
-    Curve,
     Details,
     KeyFigure,
     KeyFigures,
-    LineChart,
     Row,
     Section,
     Statement,
@@ -42,15 +39,12 @@ _FINALISTS_NOTE = (
     "Finalists are evaluated again with new random numbers: the lowest of many noisy values is partly luck. Compare "
     "values within a column only: confirmations may be at a finer quality than the search."
 )
-_LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
 
 
 def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
     """A plan's stations, and the search for them."""
     run = result.report
     blocks: list[Block] = [KeyFigures(tuple(_figures(run))), *shown.view_blocks(anchor)]
-    if charts := tuple(_charts(run)):
-        blocks.append(Charts(charts))
     if run.plan is not None:
         blocks.append(_stations(run.plan))
     if run.outcome is not None and run.outcome.finalists:
@@ -135,36 +129,6 @@ def _figures(result: PlanRun) -> Iterator[KeyFigure]:
             "time",
             format_seconds(outcome.seconds),
             f"{format_seconds(outcome.evaluation_cpu_s + outcome.proposal_cpu_s)} of processor time",
-        )
-
-
-def _charts(result: PlanRun) -> Iterator[LineChart]:
-    trials = result.trials
-    if len(trials) < 2:
-        return
-    from fieldkit.planning.run.outcome import best_so_far
-
-    values = [(trial.number + 1.0, 1000.0 * trial.value_m if trial.measured else None) for trial in trials]
-    best = [
-        (trial.number + 1.0, None if b is None else 1000.0 * b)
-        for trial, b in zip(trials, best_so_far(trials), strict=True)
-    ]
-    measured = sorted(value for _, value in values if value is not None)
-    known = [value for _, value in best if value is not None]
-    if measured and known:
-        at = "" if result.settings is None else f" at {result.settings.confirm_fidelity}"
-        value_m = None if result.outcome is None else result.outcome.chamfer_m
-        confirmed = None if value_m is None else (1000.0 * value_m, f"the plan, confirmed{at}")
-        first, last = (format_length(0.001 * value) for value in (known[0], known[-1]))
-        described = f"The best value fell from {first} to {last} in {count(len(trials), 'trial')}."
-        yield LineChart(
-            "The search: every trial, and the best so far",
-            described,
-            "trial",
-            "value, mm",
-            (Curve("trial", tuple(values), "dots"), Curve("best so far", tuple(best), "step")),
-            level=confirmed,
-            y_top=1.08 * measured[min(len(measured) - 1, int(_LATER * len(measured)))],
         )
 
 
