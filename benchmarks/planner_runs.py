@@ -16,7 +16,7 @@ from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.folder import LogEntry, read_log, read_settings, searched
-from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
+from fieldkit.planning.run.outcome import Outcome, read_outcome
 from fieldkit.planning.run.plan import plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED, describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
@@ -46,6 +46,18 @@ class Place:
     def settings(self, **more: Any) -> SearchSettings:
         """Settings of a run at this place; ``more`` are fields of `SearchSettings`."""
         return SearchSettings(fieldkit=__version__, given=(self.plot,), **more)
+
+
+def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
+    """Simple regret SR(t) of the paper, metres, with r(z*) = 0: the lowest value among the first t entries.
+
+    None before the first measured entry.
+    """
+    best: list[float | None] = []
+    for entry in entries:
+        last = best[-1] if best else None
+        best.append(last if not entry.measured else entry.value_m if last is None else min(last, entry.value_m))
+    return best
 
 
 OF_A_KIND = "-kind"

@@ -168,7 +168,7 @@ def _one(view: Callable[[Loaded[T], Results], NotedView]) -> Callable[[Loaded[T]
 
 
 KINDS: tuple[Part[Any], ...] = (
-    Part("reference", ReferenceReport, reference_section, reference_statements, _one(reference_view), add_photographs),
+    Part("reference", ReferenceReport, reference_section, reference_statements, _one(reference_view)),
     Part("plan", PlanRun, plan_section, plan_statements, _one(plan_view)),
     Part("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
     Part("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),

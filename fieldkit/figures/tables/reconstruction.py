@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from fieldkit.figures.content import Column, Mark, Picture, Table, tabulated
+from fieldkit.figures.content import Column, Mark, Table, tabulated
 from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, with_unit
 from fieldkit.results.evaluation import ImageReport, ReconstructionEntry, ReferenceReport
 from fieldkit.results.finding import Finding
@@ -62,16 +62,13 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     return tuple(rows)
 
 
-def photograph_table(
-    images: Sequence[ImageReport], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
-) -> Table:
-    """The state of photographs, unused ones first, with thumbnails by name."""
+def photograph_table(images: Sequence[ImageReport], caption: str, *, metric: bool) -> Table:
+    """The state of photographs, unused ones first."""
     return tabulated(
         caption,
         [
             {
                 "photograph": i.name,
-                Column("picture", detail=True): (pictures or {}).get(i.name),
                 Column("state", detail=True): state(i),
                 Column("features", True): f"{i.features:,}",
                 Column("points seen", True, detail=True): f"{i.observations:,}",

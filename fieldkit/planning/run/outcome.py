@@ -81,18 +81,6 @@ class Outcome(Strict):
     """The plan's views in its stations' order, if it is a choice among recorded photographs."""
 
 
-def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
-    """Simple regret SR(t) of the paper, metres, with r(z*) = 0: the lowest value among the first t entries.
-
-    None before the first measured entry.
-    """
-    best: list[float | None] = []
-    for entry in entries:
-        last = best[-1] if best else None
-        best.append(last if not entry.measured else entry.value_m if last is None else min(last, entry.value_m))
-    return best
-
-
 def write_outcome(
     run: RunFolder, setup: RunSetup, confirmed: Sequence[Finalist], ending: Ending, choice_cpu_s: float = 0.0
 ) -> Outcome:

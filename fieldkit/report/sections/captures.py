@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
 from fieldkit.figures.content import (
     Block,
@@ -12,7 +12,6 @@ from fieldkit.figures.content import (
     KeyFigure,
     KeyFigures,
     Paragraph,
-    Picture,
     Section,
     Statement,
     Terms,
@@ -58,7 +57,7 @@ def reference_section(result: Loaded[ReferenceReport], anchor: str, shown: Shown
             )
         ),
         *shown.view_blocks(anchor),
-        *_reconstruction_blocks(report, shown.pictures(anchor)),
+        *_reconstruction_blocks(report),
     ]
     return Section(anchor, f"Reference: {report.source}", tuple(blocks))
 
@@ -100,7 +99,7 @@ def _plot_blocks(plot: PlotEvaluation, anchor: str, shown: Shown) -> Iterator[Bl
         yield scores.station_table(found)
         if (missing := scores.gaps(found)) is not None:
             yield missing
-    yield from _reconstruction_blocks(plot, shown.pictures(anchor, plot.name))
+    yield from _reconstruction_blocks(plot)
 
 
 def _key_figures(report: ReconstructionEntry) -> tuple[KeyFigure, KeyFigure]:
@@ -111,10 +110,10 @@ def _key_figures(report: ReconstructionEntry) -> tuple[KeyFigure, KeyFigure]:
     )
 
 
-def _reconstruction_blocks(report: ReconstructionEntry, pictures: Mapping[str, Picture]) -> Iterator[Block]:
+def _reconstruction_blocks(report: ReconstructionEntry) -> Iterator[Block]:
     """The result of a reconstruction: photographs, figures, times, findings."""
     if report.image_reports:
-        table = photograph_table(report.image_reports, "Photographs", metric=report.metric, pictures=pictures)
+        table = photograph_table(report.image_reports, "Photographs", metric=report.metric)
         many = len(table.rows) > _OPEN_ROWS
         yield Details(f"All {count(len(report.image_reports), 'photograph')}", (table,)) if many else table
     times = (stage_table(report),) if report.times else ()

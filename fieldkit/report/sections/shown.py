@@ -1,4 +1,4 @@
-"""What a report's results look like: their 3D views, and thumbnails of their photographs if their folder is found."""
+"""What a report's results look like: their 3D views, and pictures of flights."""
 
 from __future__ import annotations
 
@@ -19,12 +19,7 @@ from fieldkit.results.evaluation import (
     FIELD_PICTURE,
     PHOTO_FILE,
     EvaluationReport,
-    ReconstructionEntry,
-    ReferenceReport,
 )
-
-SIDE = 160
-"""Longer side of a thumbnail, pixels; shown at half the size."""
 
 _QUALITY = 72
 """JPEG quality of photographs in the page."""
@@ -36,8 +31,6 @@ PLOT_SIDE = 320
 """Longer side of a plot's photograph, pixels: 400 of them are some 12 MB."""
 _FIELD_SIDE = 1800
 """Longer side of a field's picture, pixels."""
-MOST_THUMBNAILS = 300
-"""Largest number of a report's thumbnails, about 2 MB."""
 MOST_VIEWS = 10
 """Largest number of a report's views: browsers keep at most sixteen alive."""
 
@@ -68,7 +61,7 @@ class Shown:
 
     @property
     def thumbnails(self) -> int:
-        """Number of photographs and clouds shown small."""
+        """Number of pictures of fields and plots."""
         return sum(map(len, self._pictures.values()))
 
     def add_views(self, anchor: str, seen: Seen) -> None:
@@ -119,56 +112,21 @@ class Shown:
         return self._pictures.get((anchor, plot), {})
 
 
-def add_photographs(
-    shown: Shown, anchor: str, result: Loaded[ReferenceReport] | Loaded[EvaluationReport], results: Results
-) -> None:
-    """Thumbnails of a reference's or of every evaluated plot's photographs, unused ones first: people look for them.
-
-    Of a flight over many plots they are the pictures of field and plots that the evaluation has, by their files.
-    """
+def add_photographs(shown: Shown, anchor: str, result: Loaded[EvaluationReport], _: Results) -> None:
+    """The pictures of field and plots that the evaluation of a flight has, by their files."""
     report = result.report
-    if isinstance(report, EvaluationReport) and report.flight is not None:
-        shown.add_pictures(anchor, "", thumbnails(result.folder, [FIELD_PICTURE], 1, _FIELD_SIDE))
-        for each in report.plots[:MOST_ROWS]:
-            names = [file.name for file in each.files if file.name.endswith(f"/{PHOTO_FILE}")]
-            shown.add_pictures(anchor, each.name, thumbnails(result.folder, names, 1, PLOT_SIDE))
+    if report.flight is None:
         return
-    plots: list[tuple[str, ReconstructionEntry, tuple[str, ...]]]
-    if isinstance(report, ReferenceReport):
-        plots = [("", report, (report.source,))]
-    else:
-        places = (report.source,) if len(report.plots) == 1 else ()
-        plots = [(plot.name, plot, (f"{report.source}/{plot.name}", *places)) for plot in report.plots]
-    for plot, found, sources in plots:
-        names = [image.name for image in sorted(found.image_reports, key=lambda image: image.counts)]
-        folders = (find_photographs(source, names, result.folder, results.root) for source in sources)
-        if (folder := next((each for each in folders if each is not None), None)) is not None:
-            shown.add_pictures(anchor, plot, thumbnails(folder, names, MOST_THUMBNAILS - shown.thumbnails))
+    shown.add_pictures(anchor, "", thumbnails(result.folder, [FIELD_PICTURE], _FIELD_SIDE))
+    for each in report.plots[:MOST_ROWS]:
+        names = [file.name for file in each.files if file.name.endswith(f"/{PHOTO_FILE}")]
+        shown.add_pictures(anchor, each.name, thumbnails(result.folder, names, PLOT_SIDE))
 
 
-def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) -> Path | None:
-    """The folder that holds all photographs of a result; None if it is not found.
-
-    Results know only its name ``source``, or "FOLDER/PLOT". It is searched beside the result's folder ``near``, in
-    folders named captures there, and below the report's folder ``root``.
-    """
-    if not names or not source or Path(source).is_absolute() or ".." in Path(source).parts:
-        return None
-    about = (near, near.parent, near.parent.parent, root)
-    for place in (*about, *(place / "captures" for place in about)):
-        folder = place / source
-        try:
-            if folder.is_dir() and all(_file(folder, name) is not None for name in names):
-                return folder
-        except OSError:
-            continue
-    return None
-
-
-def thumbnails(folder: Path, names: Sequence[str], most: int, side: int = SIDE) -> Mapping[str, Picture]:
-    """Small JPEGs of the first ``most`` photographs, without metadata, by name; unreadable ones are left out."""
+def thumbnails(folder: Path, names: Sequence[str], side: int) -> Mapping[str, Picture]:
+    """Small JPEGs of photographs, without metadata, by name; unreadable ones are left out."""
     pictures = {}
-    for name in names[:most]:
+    for name in names:
         file = _file(folder, name)
         with suppress(FieldkitError, OSError, MemoryError):
             if file is not None and file.stat().st_size <= _LARGEST_BYTES:
@@ -181,15 +139,11 @@ def thumbnails(folder: Path, names: Sequence[str], most: int, side: int = SIDE) 
 
 
 def _file(folder: Path, name: str) -> Path | None:
-    """The path of a photograph, never outside the folder."""
+    """The path of a picture, never outside the folder."""
     if not name or Path(name).is_absolute():
         return None
     try:
-        # Captures may keep their photographs in images/.
-        for place in (folder, folder / "images"):
-            found = file_beside(Path(name), place / "photographs")
-            if found is not None and found.is_file():
-                return found
+        found = file_beside(Path(name), folder / "evaluation.json")
     except (OSError, RuntimeError, ValueError):
         return None
-    return None
+    return found if found is not None and found.is_file() else None

@@ -289,7 +289,6 @@ def write_photographs(folder: Path, count: int = 8, *, side: int = 320) -> None:
 def write_everything(root: Path) -> None:
     """A season's folder with results of every kind, hostile names among them, and one that is damaged."""
     write_reference(root / "reference", source=HOSTILE)
-    write_photographs(root / "captures" / "plot 7")
     write_run(root / "plan", root / "reference", name=HOSTILE)
     write_mission(root / "mission", SITES / "plots.geojson")
     names = ("plot 7", HOSTILE.replace("/", "∕"))

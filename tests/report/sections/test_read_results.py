@@ -8,7 +8,7 @@ from fieldkit.campaign.reading import Campaign
 from fieldkit.errors import MetadataError
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.plan import mission_statements
-from fieldkit.report.sections.shown import find_photographs, thumbnails
+from fieldkit.report.sections.shown import thumbnails
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from tests.missions.test_export import SITES
 from tests.report.sections.examples import (
@@ -113,27 +113,18 @@ class TestMissions:
 
 
 class TestPhotographs:
-    def test_found_beside_the_result_and_in_captures(self, tmp_path: Path) -> None:
-        names = [f"IMG_{k:04d}.jpg" for k in range(1, 4)]
-        write_photographs(tmp_path / "season" / "captures" / "a", 3)
-        near = tmp_path / "season" / "scores"
-        near.mkdir()
-        folder = find_photographs("a", names, near, tmp_path)
-        assert folder == tmp_path / "season" / "captures" / "a"
-        found = thumbnails(folder, names, 2)
-        assert list(found) == names[:2]
+    def test_small_without_metadata_and_without_unreadable_ones(self, tmp_path: Path) -> None:
+        names, folder = ["IMG_0001.jpg", "IMG_0002.jpg"], tmp_path / "a"
+        write_photographs(folder, 2)
+        found = thumbnails(folder, names, 160)
+        assert list(found) == names
         picture = found[names[0]]
         assert (picture.width, picture.height) == (80, 60)
         assert picture.data.startswith(b"\xff\xd8\xff")
         assert len(picture.data) < 20_000
         assert b"Exif" not in picture.data
         (folder / names[0]).write_bytes(b"\xff\xd8\xff not a photograph")
-        assert list(thumbnails(folder, names, 2)) == [names[1]]
-
-    def test_not_where_one_is_missing(self, tmp_path: Path) -> None:
-        write_photographs(tmp_path / "a", 3)
-        assert find_photographs("a", ["IMG_0001.jpg", "IMG_0009.jpg"], tmp_path, tmp_path) is None
-        assert find_photographs("a", [], tmp_path, tmp_path) is None
+        assert list(thumbnails(folder, names, 160)) == [names[1]]
 
     @pytest.mark.parametrize("name", ["../secret.jpg", "/etc/passwd", "a\0b", "loop/x.jpg", ""])
     def test_never_outside_the_folder(self, tmp_path: Path, name: str) -> None:
@@ -141,11 +132,9 @@ class TestPhotographs:
         write_photographs(tmp_path / "b", 1)
         (tmp_path / "b" / "IMG_0001.jpg").rename(tmp_path / "secret.jpg")
         (tmp_path / "a" / "loop").symlink_to(tmp_path / "a" / "loop")
-        assert find_photographs("a", [name], tmp_path, tmp_path) is None
-        assert thumbnails(tmp_path / "a", [name], 5) == {}
-        assert find_photographs(f"../{name}", ["IMG_0001.jpg"], tmp_path / "x", tmp_path / "x") is None
+        assert thumbnails(tmp_path / "a", [name], 160) == {}
         (tmp_path / "a" / "link.jpg").symlink_to(tmp_path / "secret.jpg")
-        assert thumbnails(tmp_path / "a", ["link.jpg"], 5) == {}
+        assert thumbnails(tmp_path / "a", ["link.jpg"], 160) == {}
 
 
 def _told(mission: Loaded[FlownMission]) -> str:
