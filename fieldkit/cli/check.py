@@ -58,12 +58,8 @@ class AgainOptions:
     output: Annotated[Path | None, Option("--output", "-o")] = None
     """Mission file for the stations to fly again; needs --vehicle and --site."""
 
-    def check(self, site: Path | None, mission: Path | None) -> None:
+    def check(self, site: Path | None) -> None:
         """Raise UsageError where a mission needs more than is given, or a vehicle is given without one."""
-        if mission is not None:
-            if self.output is not None:
-                raise UsageError("-o is of stations", remedy="Lines are flown again by export-mission --lines.")
-            return
         if self.output is not None and (self.vehicle is None or site is None):
             raise UsageError("a mission needs a vehicle and a site", remedy="Give --vehicle and --site with -o.")
         if self.vehicle is not None and self.output is None:
@@ -95,8 +91,7 @@ def command(
     Args:
         captures: Folder of photographs of one plot, or a folder of such folders.
         plan: plan.json that was flown, or the folder that holds it; none: quality only.
-        flown: mission.json of a flight over a trial, or its mission file with --vehicle: tell which plots lack
-            photographs, by the tags alone.
+        flown: mission.json of passes over a trial: tell which plots lack photographs, by the tags alone.
         no_cache: Neither use nor keep what stages computed.
 
     Examples:
@@ -106,12 +101,12 @@ def command(
         fieldkit check card/ --plan plan.json --site field.toml --plots plots.gpkg
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
     """
-    again.check(place.site, flown)
+    again.check(place.site)
     site = place.load(tell=None if as_json else say)
     if flown is not None:
-        if plan is not None:
-            raise UsageError("--plan is of stations, --mission of lines", remedy="Give one of the two.")
-        _check_lines(captures, flown, again.vehicle, site, log, as_json=as_json)
+        if plan is not None or site is not None or again.vehicle is not None:
+            raise UsageError("--mission knows plots and lines", remedy="Give --plan, --site and --vehicle of stations.")
+        _check_lines(captures, flown, log, as_json=as_json)
         return
     from fieldkit.fieldcheck.check import check
 
@@ -141,14 +136,11 @@ def command(
             answer(f"No station is known to need another flight, so {again.output.name} was not written.")
 
 
-def _check_lines(
-    captures: Path, mission: Path, vehicle: str | None, site: Site | None, log: Path | None, *, as_json: bool
-) -> None:
+def _check_lines(captures: Path, mission: Path, log: Path | None, *, as_json: bool) -> None:
     from fieldkit.fieldcheck.lines import check_flight
     from fieldkit.results.plan import station_number
-    from fieldkit.vehicles.vehicle_file import load_vehicle
 
-    report = check_flight(captures, mission, None if vehicle is None else load_vehicle(vehicle), site, log=log)
+    report = check_flight(captures, mission, log=log)
     again = [station_number(line) for line in report.fly_again]
     if as_json:
         facts = asdict(report)

@@ -44,7 +44,6 @@ def command(
     height: Annotated[Any, Option("--plant-height", metavar="METRES", parser=plant_height)] = None,
     burst: Annotated[int | None, Option(metavar="K", min=1)] = None,
     fit: FitOption = None,
-    picture: Annotated[Path | None, Option("--picture", metavar="PNG")] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Check a mission file: what it would photograph, and what speaks against flying it.
@@ -59,7 +58,6 @@ def command(
         height: Height of the highest plants of all plots; or "unknown", where plots do not say theirs, for 30 % more
             than the plan's. Without: plant_height_m of the plots.
         burst: Photographs per station. Without: as most have.
-        picture: Draw the plots by their photographs, and where these are taken, into this file.
 
     Examples:
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
@@ -86,11 +84,6 @@ def command(
         if plan is not None and ground is None:
             raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where home is.")
         report = check_on_ground(read, flown_by, ground, compare=plan is not None, burst=burst)
-    if picture is not None and report.taken and report.coverage is not None and ground is not None:
-        from fieldkit.files import write_atomic
-        from fieldkit.missions.coverage import coverage_picture
-
-        write_atomic(picture, coverage_picture(file.name, report.taken, report.coverage, ground.site))
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report, ground)})
     else:

@@ -18,21 +18,14 @@ from scipy.spatial import cKDTree
 
 from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.captures import Capture, read_capture
-from fieldkit.errors import CaptureError, MissionError, UsageError
+from fieldkit.errors import CaptureError, MissionError
 from fieldkit.evaluation.adherence import LoggedFlight
 from fieldkit.evaluation.evaluate import find_plots
 from fieldkit.fieldcheck.placement import read_tags
-from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.pose import wrapped_deg
 from fieldkit.geometry.stations import PoseArray
-from fieldkit.missions.check import check_on_ground
-from fieldkit.missions.coverage import footprints, plots_within
-from fieldkit.missions.files.formats import read_mission
-from fieldkit.missions.ground import ground_of, site_of
-from fieldkit.results.mission import load_mission
-from fieldkit.sites.placement import SiteFrame, ground_below
-from fieldkit.sites.site import Site
-from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.results.mission import Home, load_mission
+from fieldkit.sites.placement import SiteFrame
 from fieldkit.wording import listed
 
 _ALONG = 0.75
@@ -67,10 +60,9 @@ class Foreseen:
     """Metres east and north of home and above it; true headings."""
     lines: FloatArray
     """(n,) line of each, from 0; −1 of none."""
-    plots: tuple[tuple[str, ...], ...]
-    """That each shows."""
-    site: Site
-    """Home and plots."""
+    showing: Mapping[str, list[int]]
+    """By plot, those that show it."""
+    home: Home
 
 
 @dataclass(frozen=True)
@@ -147,19 +139,15 @@ class FlightCheck:
         return "\n".join(said)
 
 
-def check_flight(
-    captures: Path, mission: Path, vehicle: Vehicle | None = None, site: Site | None = None, *, log: Path | None = None
-) -> FlightCheck:
+def check_flight(captures: Path, mission: Path, *, log: Path | None = None) -> FlightCheck:
     """Say of which plots photographs are missing, by their tags.
 
     Args:
         captures: folder of the flight's photographs.
-        mission: that was flown: mission.json of passes, or any mission file.
-        vehicle: of a mission file.
-        site: whose plots count; None takes those of mission.json.
+        mission: mission.json of the passes that were flown.
         log: flight log whose poses count instead of the photographs' own.
     """
-    foreseen = of_record(mission, site) if mission.suffix.lower() == ".json" else of_file(mission, vehicle, site)
+    foreseen = of_record(mission)
     ((name, folder), *others), _ = find_plots(captures)
     if others:
         raise CaptureError(
@@ -169,7 +157,7 @@ def check_flight(
     return compared((None if flight is None else flight.capture(name)) or read_capture(folder), foreseen)
 
 
-def of_record(mission: Path, site: Site | None) -> Foreseen:
+def of_record(mission: Path) -> Foreseen:
     """What mission.json foresees of passes."""
     record = load_mission(mission)
     passings = [passing for flight in record.flights for passing in flight.passings]
@@ -177,45 +165,10 @@ def of_record(mission: Path, site: Site | None) -> Foreseen:
         raise MissionError(
             "is no mission of passes over a field", path=mission, remedy="Give --plan for stations about plots."
         )
-    site = site or site_of(record)
-    places = SiteFrame(site.home).points(passings)
-    looks = np.array([(passing.yaw_deg, passing.pitch_deg) for passing in passings])
-    poses = PoseArray(places, looks[:, 0], looks[:, 1])
-    lines = np.array([passing.line for passing in passings], dtype=np.float64)
-    return _foreseen(poses, lines, record.vehicle.camera, ground_below(site, passings), site)
-
-
-def of_file(mission: Path, vehicle: Vehicle | None, site: Site | None) -> Foreseen:
-    """What a mission file would photograph in flight."""
-    if vehicle is None:
-        raise UsageError("a mission file is read as a vehicle flies it", remedy="Give --vehicle, or mission.json.")
-    ground = ground_of(mission, site, vehicle.clearance_m)
-    if ground is None:
-        raise UsageError("which plots does it fly over?", remedy="Give --site and --plots.")
-    report = check_on_ground(read_mission(mission), vehicle, ground)
-    cover = report.coverage
-    shots = [
-        (shot.place, shot.heading_deg, shot.pitch_deg, line)
-        for shot, line in zip(report.taken, () if cover is None else cover.lines, strict=True)
-        if shot.place is not None and line is not None
-    ]
-    if not shots:
-        raise MissionError(
-            "takes no photographs on lines", path=mission, remedy="Give --plan for stations about plots."
-        )
-    places, headings, pitches, lines = zip(*shots, strict=True)
-    poses = PoseArray(
-        SiteFrame(ground.site.home).points(places),
-        np.array(headings, dtype=np.float64),
-        np.array(pitches, dtype=np.float64),
-    )
-    grounds = ground_below(ground.site, places)
-    return _foreseen(poses, np.array(lines, dtype=np.float64), vehicle.camera, grounds, ground.site)
-
-
-def _foreseen(poses: PoseArray, lines: FloatArray, camera: Intrinsics, grounds_m: FloatArray, site: Site) -> Foreseen:
-    corners, _, _ = footprints(poses, grounds_m, camera)
-    return Foreseen(poses, lines, tuple(plots_within(corners, site)), site)
+    yaws, pitches, lines = np.array([(shot.yaw_deg, shot.pitch_deg, shot.line) for shot in passings]).T
+    poses = PoseArray(SiteFrame(record.home).points(passings), yaws, pitches)
+    showing = {plot.name: [k for k, shot in enumerate(passings) if plot.name in shot.plots] for plot in record.plots}
+    return Foreseen(poses, lines, showing, record.home)
 
 
 def compared(capture: Capture, foreseen: Foreseen) -> FlightCheck:
@@ -227,7 +180,7 @@ def compared(capture: Capture, foreseen: Foreseen) -> FlightCheck:
         )
     known = np.flatnonzero(tags.known)
     latitude, longitude, _ = capture.origin.to_geodetic(tags.poses.positions[known])
-    level = SiteFrame(foreseen.site.home).to_local(latitude, longitude, np.zeros(len(known)))[:, :2]
+    level = SiteFrame(foreseen.home).to_local(latitude, longitude, np.zeros(len(known)))[:, :2]
     taken = PoseArray(np.column_stack([level, np.zeros(len(known))]), tags.poses.yaws[known], tags.poses.pitches[known])
     shift = _shift_m(taken, foreseen, _OFFSET_M["coarse" if tags.sigma_m > _COARSE_M else "exact"])
     taken = taken.moved(0.0, np.array([-shift[0], -shift[1], 0.0]))
@@ -247,13 +200,8 @@ def compared(capture: Capture, foreseen: Foreseen) -> FlightCheck:
 
 
 def _plots(foreseen: Foreseen, covered: BoolArray) -> tuple[PlotCheck, ...]:
-    showing: Mapping[str, list[int]] = {plot.name: [] for plot in foreseen.site.plots}
-    for k, plots in enumerate(foreseen.plots):
-        for plot in plots:
-            if plot in showing:
-                showing[plot].append(k)
     found = []
-    for plot, shots in showing.items():
+    for plot, shots in foreseen.showing.items():
         missing = [k for k in shots if not covered[k]]
         if missing:
             lines = tuple(sorted({int(foreseen.lines[k]) for k in missing}))

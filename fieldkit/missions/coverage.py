@@ -119,20 +119,6 @@ def _photographs_of(site: Site | None, shown: Sequence[Sequence[str]]) -> dict[s
     return {} if site is None else {name: number[name] for name in site.outlines}
 
 
-def coverage_picture(title: str, taken: Sequence[Photograph], cover: Coverage, site: Site) -> bytes:
-    """PNG of the plots by their photographs, and of these from above."""
-    from fieldkit.pictures.coverage import draw_coverage  # brings Matplotlib along
-    from fieldkit.pictures.panels import png
-
-    shots = [shot for shot in taken if shot.place is not None and None not in (shot.heading_deg, shot.pitch_deg)]
-    places = SiteFrame(site.home).points(shot.place for shot in shots)  # type: ignore[misc]
-    angles = np.array([(shot.heading_deg, shot.pitch_deg) for shot in shots], dtype=np.float64).reshape(-1, 2)
-    heading, pitch = np.radians(angles).T
-    looks = np.cos(pitch)[:, None] * np.column_stack([np.sin(heading), np.cos(heading)])
-    plots = {name: (outline, cover.photographs[name]) for name, outline in site.outlines.items()}
-    return png(draw_coverage(title, plots, places[:, :2], looks))
-
-
 def plots_within(corners: FloatArray, site: Site | None) -> list[tuple[str, ...]]:
     """The plots that each of some grounds, (n, 4, 2) metres east and north of home, holds by `SHOWN` at least."""
     shown: list[list[str]] = [[] for _ in corners]
