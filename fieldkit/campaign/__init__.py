@@ -14,7 +14,6 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | Which fieldkit computed a visit? | reading.py; versions of its stages: fieldkit/reconstruction/versions.py |
 | Which plot is better, and what changed? | fieldkit/campaign/ranks.py; as `campaign show` says it: overview.py |
 | How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage, height models) |
-| What is flown next? | next_visit.py |
 """
 
 from fieldkit.campaign.reading import Campaign, CampaignPlot, read_campaign, visit_plots

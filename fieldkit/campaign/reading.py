@@ -17,7 +17,7 @@ from fieldkit.evaluation.prediction import prediction_model
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import file_beside, named_file
 from fieldkit.reconstruction.versions import STAGES
-from fieldkit.results.evaluation import CLOUD_FILE, PlotEvaluation
+from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import Strict
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
@@ -92,11 +92,6 @@ def campaign_text(table: CampaignTable) -> str:
 def visit_place(plot: str, date: str) -> str:
     """A visit's folder, relative to the campaign's."""
     return f"{VISITS_FOLDER}/{plot_file_name(plot)}/{date}"
-
-
-def visit_cloud(campaign: Path, visit: Visit) -> Path | None:
-    """The cloud of a visit's plants; None where it has none."""
-    return None if visit.error else visit_files(campaign, visit).get(CLOUD_FILE)
 
 
 def visit_files(campaign: Path, visit: Visit) -> dict[str, Path]:
@@ -197,7 +192,7 @@ class Campaign:
         return self.plan
 
     def plan_of(self, plot: str, date: str) -> Plan:
-        """That a visit flew: the plot's newest from `fieldkit campaign plan` for that date or an earlier one, else the
+        """That a visit flew: the plot's newest in plans/DATE/PLOT.json of that date or an earlier one, else the
         campaign's, `carried_plan`.
         """
         folder = self.folder / PLANS_FOLDER

@@ -29,7 +29,6 @@ COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
     "Check and score, every date": ("geotag", "check", "evaluate"),
     "Many plots and dates, results": (
         "campaign init",
-        "campaign plan",
         "campaign show",
         "campaign export",
         "report",
@@ -41,7 +40,7 @@ COMMANDS: dict[str, str] = {name: stage for stage, names in COMMAND_GROUPS.items
 """Every command, and the stage it stands under."""
 _GROUPS = {
     "scene": "Scenes of simulated plots: new ones, those of fieldkit, and those made from a reference.",
-    "campaign": "One plan over many plots and dates: make it, plan the next visit, look at it, export it.",
+    "campaign": "One plan over many plots and dates: make it, look at it, export it.",
 }
 _HELP = {"help_option_names": ["--help", "-h"]}
 

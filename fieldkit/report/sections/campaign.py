@@ -144,8 +144,7 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
         told, _, remedy = why.partition("; ")  # what people are told of findings ends in the remedy
         advice = remedy[:1].upper() + remedy[1:].rstrip(".") or "Its notes in the table say more"
         yield Statement("problem", f"{named}: {told}.", f"{advice}.")
-    plan = f"`fieldkit campaign plan {folder} -o next.plan`"
-    yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]], plan)
+    yield from without_height((v.plot, v.traits) for v in done if v.date == dates[-1])
     for why, named in _alike((visit.error, visit) for visit in visits if visit.error):
         told = f"No result of {named}: {why.rstrip('.')}."
         yield Statement("problem", told, f"Photograph the plot again, and add that: {add}")

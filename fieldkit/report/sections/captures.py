@@ -154,21 +154,18 @@ def evaluation_statements(result: Loaded[EvaluationReport], results: Results) ->
     failed = by_key(((e.message, e.remedy), plot.name) for plot in report.plots if (e := plot.error) is not None)
     for (why, remedy), names in failed.items():
         yield Statement("problem", f"No result of {listed(names, 8)}: {why}.", remedy)
-    yield from without_height(((plot.name, plot.traits) for plot in plots), _WITH_ROOM)
+    yield from without_height((plot.name, plot.traits) for plot in plots)
     for plot in plots:
         if plot.adherence is not None:
             yield from _adherence(plot.name, plot.adherence, report.source)
 
 
-def without_height(plots: Iterable[tuple[str, TraitsEntry | None]], plan: str) -> Iterator[Statement]:
-    """Plots whose plants' height cannot be had, by the reason that the table gives.
-
-    ``plan`` is the command that plans with room above the plants.
-    """
+def without_height(plots: Iterable[tuple[str, TraitsEntry | None]]) -> Iterator[Statement]:
+    """Plots whose plants' height cannot be had, by the reason that the table gives."""
     reasons = ((name, reason) for name, traits in plots if traits and (reason := traits.unknown.get("height_m")))
     for found in by_key((re.sub(r"\d+", "#", reason), (name, reason)) for name, reason in reasons).values():
         names, reason = listed([name for name, _ in found], 8), found[0][1]
-        advice = f"Leave room above the plants next time: {plan}" if _TOO_LOW.search(reason) else ""
+        advice = f"Leave room above the plants next time: {_WITH_ROOM}" if _TOO_LOW.search(reason) else ""
         yield Statement("note", f"No height of {names}: {reason}.", advice)
 
 
