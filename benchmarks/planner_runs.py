@@ -18,7 +18,7 @@ from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.run.folder import LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import Outcome, read_outcome
 from fieldkit.planning.run.plan import plan
-from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED, describe_sources
+from fieldkit.planning.run.request import KIND_CONFIRMED, RECORDED_CONFIRMED, describe_sources
 from fieldkit.planning.settings import GivenPlot, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan
@@ -196,7 +196,7 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
         return {"plots": 1}
     if place.plot.source.kind == "captures":
         return {"plots": contender.plots, **RECORDED_CONFIRMED}
-    return {"plots": contender.plots, **(KIND_CONFIRMED if contender.method == KIND_METHOD else {})}
+    return {"plots": contender.plots, **KIND_CONFIRMED.get(contender.method, {})}
 
 
 def _refuse_another(output: Path, settings: SearchSettings) -> None:

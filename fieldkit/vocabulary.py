@@ -27,7 +27,7 @@ MissionFormat = Literal["plan", "waypoints", "wpml", "litchi"]
 """A ground station's or an app's file of a mission."""
 Preset = Literal["outdoors", "paper"]
 """Conditions that a plan expects: a flight in a breeze, or the paper's exact poses in still air."""
-PlanningMethod = Literal["score", "field", "bosfm", "circle", "uniform"]
+PlanningMethod = Literal["ring", "score", "field", "bosfm", "circle", "uniform"]
 """What looks for cameras: planning/methods/registry.py has what each needs."""
 Mask = Literal["exg", "none", "file"]
 """What counts as plants: what is green (excess green index), everything, or what masks show."""

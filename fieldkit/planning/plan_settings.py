@@ -85,7 +85,8 @@ class SearchChoices(Strict):
     cameras: Annotated[int, Field(ge=3)] = 10
     """N, the number of cameras; 10 where not given."""
     method: str = "field"
-    """What looks for them: score where plans are for a kind and nothing of a search is given, else field."""
+    """What looks for them: ring where plans are for a kind and nothing of a search is given
+    (with the preset paper score), else field."""
     seed: Count = 0
     evaluations: Annotated[int, Field(ge=1)] = 100
     """Limit of the search, 100 where not given; confirmations of the finalists come on top."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fieldkit.errors import UsageError
 from fieldkit.planning.methods.baselines import CircleSearch, Uniform
 from fieldkit.planning.methods.field import Field
-from fieldkit.planning.methods.score import ScoreOptimum
+from fieldkit.planning.methods.score import EvenRing, ScoreOptimum
 from fieldkit.planning.problem import FixedDesign, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
@@ -41,7 +41,7 @@ def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) ->
             f"the search {name!r} needs PyTorch and BoTorch, which are not installed",
             remedy="Install the extra: pip install 'fieldkit[search]'. On Linux take PyTorch's CPU build first, by "
             f"{CPU_BUILD} (pip's line: {shipped_page('docs/install.md')}): the usual one brings gigabytes for NVIDIA "
-            "GPUs. Or plan without it: --method score.",
+            "GPUs. Or plan without it: --method ring.",
         )
     return entry
 
@@ -63,6 +63,7 @@ METHODS: Mapping[str, MethodEntry] = {
         lambda problem, settings: ScoreOptimum(problem, settings.weights, settings.seed),
         by_score=True,
     ),
+    "ring": MethodEntry(lambda problem, settings: EvenRing(problem, settings.weights), by_score=True),
     "circle": MethodEntry(lambda problem, _: CircleSearch(problem)),
     "uniform": MethodEntry(lambda problem, _: Uniform(problem)),
 }

@@ -1,4 +1,4 @@
-"""The method `score`: optima of the geometric score, found without a photograph, and the ring they have to beat."""
+"""The methods that take no photograph to choose: `score`, optima of the geometric score, and `ring`."""
 
 from __future__ import annotations
 
@@ -63,13 +63,22 @@ def optimum(
     return cameras, cost_model.expected_m(cameras, weights)
 
 
-def even_ring(problem: PlanningProblem) -> Cameras:
+class EvenRing:
     """An even ring about the plants as wide as `PlanningProblem.ranges` go, that looks down by 40°.
 
     Lower ones see less of how leaves sway, but leaves from their edge: outdoors they miss a tenth to a fifth of the
     area (docs/benchmarks.md, "Rings and traits").
     """
-    radii, altitudes, aims = problem.ranges
-    aim = 0.5 * sum(aims)
-    altitude = float(np.clip(aim + radii[1] * np.tan(np.radians(_DOWN_DEG)), *altitudes))
-    return problem.nearest(Circle(radii[1], altitude, aim).cameras(problem))
+
+    def __init__(self, problem: PlanningProblem, weights: Weights = WEIGHTS) -> None:
+        self._problem, self._weights = problem, weights
+
+    def choose(self, count: int, workers: int = 1, advance: Callable[[int], None] = lambda _: None) -> list[Trial]:
+        """See `FixedDesign.choose`: the ring alone; its notes hold the value that the score expects, metres."""
+        radii, altitudes, aims = self._problem.ranges
+        aim = 0.5 * sum(aims)
+        altitude = float(np.clip(aim + radii[1] * np.tan(np.radians(_DOWN_DEG)), *altitudes))
+        cameras = self._problem.nearest(Circle(radii[1], altitude, aim).cameras(self._problem))
+        expected_m = CostModel(self._problem).expected_m(cameras, self._weights)
+        advance(1)
+        return [Trial(0, cameras, "even ring", {"expected_m": expected_m})]

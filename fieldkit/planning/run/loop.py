@@ -231,7 +231,6 @@ def confirm(
     *,
     watch: Watch,
     standard: Trial | None = None,
-    nearer: float = 0.0,
 ) -> list[Finalist]:
     """Evaluate trials again at the fresh seeds of a run's settings and log them; the finalists, the best first.
 
@@ -241,8 +240,7 @@ def confirm(
     behind after a repeat takes part in no more, and where one is left the race is over. Finalists come by repeats, then
     value; for plots of a kind by a `FinalistCosts`'s expectation: plots differ by more than good sets do, so the mean
     of few confirmations says less than all results together. They keep the given order if the settings ask for no
-    repeats. ``standard`` is one of the trials. It races with a share ``nearer`` of its value taken off, and comes first
-    unless the best is ahead of it beyond noise and by that share.
+    repeats. ``standard`` is one of the trials; it comes first unless the best is ahead of it beyond noise.
     """
     settings = run.settings
     if not settings.repeats:
@@ -270,7 +268,7 @@ def confirm(
             entries = (*raced[trial.number].entries, logged[trial.cameras, seed, plot])
             raced[trial.number] = Finalist(trial, entries)
         if settings.plots > 1:
-            racing = _not_behind([raced[trial.number] for trial in racing], standard, nearer)
+            racing = _not_behind([raced[trial.number] for trial in racing])
             if len(racing) == 1:
                 break
     # Those that raced on are ahead of those that were given up.
@@ -283,14 +281,13 @@ def confirm(
         return ordered
     own = next(finalist for finalist in ordered if finalist.trial.cameras == standard.cameras)
     exact = settings.plots == 1 and unchanging(settings.source, settings.noise)
-    if ordered[0] is own or _ahead(ordered[0], own, 0.0 if exact else _PAIRED, nearer):
+    if ordered[0] is own or _ahead(ordered[0], own, 0.0 if exact else _PAIRED):
         return ordered
     return [own, *(finalist for finalist in ordered if finalist is not own)]
 
 
-def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float) -> bool:
-    """Whether a finalist is better than another one by more than the noise of their values at the same seeds, and by a
-    share ``nearer`` of the other's value.
+def _ahead(finalist: Finalist, other: Finalist, noise: float) -> bool:
+    """Whether a finalist is better than another one by more than the noise of their values at the same seeds.
 
     ``noise`` is of a difference, as a share of a value, where there are too few to tell.
     """
@@ -299,16 +296,12 @@ def _ahead(finalist: Finalist, other: Finalist, noise: float, nearer: float) -> 
         return True
     gains = [b - a for a, b in pairs]
     noise_m = float(np.std(gains, ddof=1)) if len(gains) > 2 else noise * pairs[0][1]
-    least_m = nearer * float(np.mean([b for _, b in pairs]))
-    return bool(np.mean(gains) > max(_CLEARLY * noise_m / np.sqrt(len(gains)), least_m))
+    return bool(np.mean(gains) > _CLEARLY * noise_m / np.sqrt(len(gains)))
 
 
-def _not_behind(racing: Sequence[Finalist], standard: Trial | None, nearer: float) -> list[Trial]:
+def _not_behind(racing: Sequence[Finalist]) -> list[Trial]:
     """The trials that noise could still put before the leader; all were evaluated on the same plots."""
-    values = [
-        (f.value_m or 0.0) * (1.0 - nearer * (standard is not None and f.trial.cameras == standard.cameras))
-        for f in racing
-    ]
+    values = [finalist.value_m or 0.0 for finalist in racing]
     behind_m = _CLEARLY * _PAIRED * min(values) / np.sqrt(len(racing[0].entries))
     return [f.trial for f, value in zip(racing, values, strict=True) if value <= min(values) + behind_m]
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from fieldkit.errors import FieldkitError, ReconstructionError
 from fieldkit.planning.methods.baselines import Uniform
 from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
-from fieldkit.planning.methods.score import even_ring
 from fieldkit.planning.plan_settings import PlanSettings
 from fieldkit.planning.problem import FixedDesign, Trial
 from fieldkit.planning.run.folder import RunFolder, create_run, open_run
@@ -20,7 +19,6 @@ from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluat
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.request import resumed_settings, search_settings
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
-from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
@@ -29,8 +27,6 @@ from fieldkit.scenes.renderer import RenderingError
 from fieldkit.version import __version__
 
 Expect = Callable[[RunFolder, int], None]
-_NEARER = 0.1
-"""By which share of its distance an optimum has to beat the even ring, which has the better traits."""
 
 
 def plan(
@@ -130,12 +126,8 @@ def _even_subsets(setup: RunSetup) -> list[Trial]:
 
 
 def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Context, watch: Watch) -> Outcome:
-    """The best of several sets by their confirmations; without confirmations, the one expected to be best.
-
-    Optima for plots of a kind have to beat the even ring, unless it is the only finalist: outdoors the score's order of
-    good sets is not that of evaluations (docs/decisions.md).
-    """
-    settings, progress, problem = run.settings, context.progress, setup.problem
+    """The best of several sets by their confirmations; without confirmations, the one expected to be best."""
+    settings, progress = run.settings, context.progress
     confirming = settings.repeats > 0
     if confirming and not context.scheduler:  # its workers may be able to render
         try:
@@ -143,28 +135,16 @@ def _chosen(method: FixedDesign, run: RunFolder, setup: RunSetup, context: Conte
         except RenderingError as error:
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
-    spent, ring = Spent.now(), None
-    if (
-        settings.plots > 1
-        and problem.views is None
-        and settings.finalists > 1
-        and (confirming or settings.noise.wind_m)
-    ):
-        cameras = even_ring(problem)
-        expected_m = CostModel(problem).expected_m(cameras, settings.weights)
-        ring = Trial(settings.finalists - 1, cameras, "even ring", {"expected_m": expected_m})
-    optima: list[Trial] = []
-    if confirming or ring is None:
-        starts = settings.finalists - (ring is not None) if confirming else 1
-        with progress.stage("Optimising the geometric score", starts) as advance:
-            optima = method.choose(starts, context.workers, advance)
+    spent = Spent.now()
+    starts = settings.finalists if confirming else 1
+    with progress.stage("Optimising the geometric score", starts) as advance:
+        trials = method.choose(starts, context.workers, advance)
     choice_cpu_s = spent.cpu_seconds
-    trials = [*optima, *(() if ring is None else (ring,))]
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with evaluating(setup.objective, context) as evaluations, ExitStack() as shown:
             if watch is no_watch:  # else who watches shows it
                 advance = shown.enter_context(progress.stage("Confirming", len(trials) * settings.repeats))
                 watch = lambda _: advance(1)  # noqa: E731
-            confirmed = confirm(method, evaluations, run, trials, watch=watch, standard=ring, nearer=_NEARER)
+            confirmed = confirm(method, evaluations, run, trials, watch=watch)
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_cpu_s)

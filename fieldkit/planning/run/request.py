@@ -24,9 +24,11 @@ from fieldkit.results.report_files import REFERENCE_FILE, file_sha256
 from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.version import __version__
 
-KIND_METHOD = "score"
-KIND_CONFIRMED: dict[str, int] = {"finalists": 4, "repeats": 3}
-"""Plots differ by more than good sets do, so several optima are confirmed on several plots."""
+KIND_CONFIRMED: dict[str, dict[str, int]] = {
+    "ring": {"finalists": 1, "repeats": 3},
+    "score": {"finalists": 3, "repeats": 3},
+}
+"""Plots differ by more than good sets do, so sets are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, int] = {"finalists": 6, "repeats": 6}
 """The withheld matches change a value by more than sets differ; evaluations are cheap."""
 _OF_SEARCHES = {"method", "evaluations", "fidelity"}
@@ -64,8 +66,8 @@ def search_settings(
 
     Plans for a kind expect a flight's noise of poses, wind and the vehicle's wash, and stations as a vehicle can keep
     them, or with the preset "paper" exact poses, still air and nearer stations. A vehicle's limits and camera hold
-    where nothing is asked. Without a method and without settings of a search, the method is `score`, except for
-    recorded photographs.
+    where nothing is asked. Without a method and without settings of a search, the method is `ring`, with the preset
+    "paper" `score`; among recorded photographs it is `field`.
 
     Args:
         asked: by a person.
@@ -78,7 +80,7 @@ def search_settings(
     """
     plots_given, given = describe_sources(asked), asked.model_fields_set
     recorded = asked.recorded
-    method = asked.method if recorded or _searches(asked) else KIND_METHOD
+    method = asked.method if recorded or _searches(asked) else "ring" if asked.preset == "outdoors" else "score"
     by_score = method_entry(method, methods).by_score
     plots = _plots(asked, method, len(plots_given), for_a_kind=by_score)
     if recorded and (asked.envelope.model_fields_set or asked.vehicle or asked.camera):
@@ -121,7 +123,7 @@ def _confirmations(plots: int, method: str, *, recorded: bool, exact: bool) -> d
     """Numbers of finalists and of repeats, where nobody gives them and they are not the usual ones."""
     if plots == 1:
         return {"repeats": 1} if exact else {}
-    return RECORDED_CONFIRMED if recorded else KIND_CONFIRMED if method == KIND_METHOD else {}
+    return RECORDED_CONFIRMED if recorded else KIND_CONFIRMED.get(method, {})
 
 
 def _searches(asked: PlanSettings) -> bool:

@@ -52,10 +52,8 @@ CAMERAS = 10
 """Number of photographs of the plan and of the circle."""
 PLANNED, CIRCLE = "planned", "circle"
 PLOTS = (SEEN, UNSEEN)
-_FINALISTS = 3
-"""Number of plans that are confirmed."""
 _REPEATS = 2
-"""Number of confirmations of each."""
+"""Number of confirmations of the plan."""
 _AIMS = 3
 """Number of heights that circles are aimed at."""
 
@@ -146,8 +144,6 @@ def _plan(output: Path, context: Context) -> tuple[Plan, Outcome]:
         scene=scene_path(SEEN),
         vehicle=VEHICLE,
         cameras=CAMERAS,
-        method="score",
-        finalists=_FINALISTS,
         repeats=_REPEATS,
         confirm_fidelity="draft",
         seed=context.seed,

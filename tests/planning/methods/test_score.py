@@ -7,7 +7,7 @@ import pytest
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.optimise import Effort
-from fieldkit.planning.methods.score import ScoreOptimum, even_ring
+from fieldkit.planning.methods.score import EvenRing, ScoreOptimum
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.score.cost_model import CostModel
 from fieldkit.planning.score.geometric import GeometricScore
@@ -78,7 +78,10 @@ def test_recorded_sets_are_never_chosen_twice(views: int) -> None:
 
 def test_the_even_ring_is_wide_even_and_looks_down() -> None:
     plot = problem()
-    ring = even_ring(plot)
+    (trial,) = EvenRing(plot).choose(3)
+    assert plot.contains(trial.cameras)
+    assert trial.notes["expected_m"] == CostModel(plot).expected_m(trial.cameras, WEIGHTS)
+    ring = trial.cameras
     away = ring.positions[:, :2] - plot.center[:2]
     turn = np.sort(np.degrees(np.arctan2(away[:, 1], away[:, 0])))
     assert np.linalg.norm(away, axis=1) == pytest.approx(plot.ranges.radius_m[1], rel=0.02)

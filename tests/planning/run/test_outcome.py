@@ -63,8 +63,9 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
 @pytest.mark.parametrize(
     ("asked", "method", "confirmed"),
     [
-        ({}, "score", (4, 3)),
-        ({"finalists": 6}, "score", (6, 3)),
+        ({}, "ring", (1, 3)),
+        ({"preset": "paper"}, "score", (3, 3)),
+        ({"method": "score", "finalists": 6}, "score", (6, 3)),
         ({"method": "field"}, "field", (3, 2)),
         ({"evaluations": 30}, "field", (3, 2)),
         ({"purpose": "this-plot"}, "field", (3, 2)),
