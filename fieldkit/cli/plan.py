@@ -312,4 +312,6 @@ def _planned_on(settings: SearchSettings) -> str:
     if settings.plots == 1:
         return name
     more = f" and {others} more" if others else ""
+    if settings.source.kind == "reference":
+        return f"{name}{more}, its height stated wrong by up to a quarter"
     return f"plots like {name}{more} that it had not met ({settings.plots} were planned on)"

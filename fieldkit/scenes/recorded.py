@@ -144,14 +144,6 @@ def pack_atlas(patches: ByteArray) -> ByteArray:
     return np.ascontiguousarray(cells.reshape(rows, columns, k, k, 3).swapaxes(1, 2).reshape(rows * k, columns * k, 3))
 
 
-def unpack_atlas(atlas: ByteArray, count: int) -> ByteArray:
-    """The first ``count`` patches (count, k, k, 3) of an atlas: what `pack_atlas` was given."""
-    columns = _columns(count)
-    rows, k = -(-count // columns), atlas.shape[1] // columns
-    cells = atlas.reshape(rows, k, columns, k, 3).swapaxes(1, 2).reshape(rows * columns, k, k, 3)
-    return np.ascontiguousarray(cells[:count])
-
-
 def read_atlas(path: Path, count: int, texels: int) -> ByteArray:
     """The atlas of ``count`` patches of ``texels`` × ``texels`` pixels in a file."""
     from PIL import Image

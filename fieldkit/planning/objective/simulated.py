@@ -20,7 +20,6 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.bursts import by_station
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
-from fieldkit.clouds.plants_apart import PlantsApart, tell_apart
 from fieldkit.clouds.volume import Volume
 from fieldkit.files import lock, write_atomic
 from fieldkit.geometry import Intrinsics, Similarity
@@ -34,13 +33,9 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
-from fieldkit.scenes.from_reference import SCENE_FILE
-from fieldkit.scenes.recorded import recorded_plants
-from fieldkit.scenes.recorded_kind import Variation, bounds_around, draw_variation, varied_cloud, write_varied_scene
 from fieldkit.scenes.renderer import KEPT_BYTES, Renderer
 from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
 from fieldkit.scenes.simulated_field import simulated_field
 
@@ -200,8 +195,7 @@ _SEEDS_APART = 1_000_003
 class Kind:
     """Plots by number: first the given ones, then others drawn of each of them in turn.
 
-    For a simulated plot they come from `plots_of_kind`. For one made from a reference, plants that can be told apart
-    are turned, scaled and left out; else the whole plot is turned and mirrored (`draw_variation`). Plot k does not
+    For a simulated plot they come from `plots_of_kind`. One made from a reference stays as it is. Plot k does not
     depend on the number of plots.
 
     A plot's scene takes 17 CPU s to build. The first process that needs it shares it with the machine's other processes
@@ -211,8 +205,6 @@ class Kind:
     descriptions: tuple[SceneDescription, ...]
     """Of the given plots, all simulated or all recorded. The first one's camera effects apply to all."""
     seed: int
-    folder: Path
-    """Where scenes of recorded plots are written."""
     noise: CaptureNoise | None = None
     """Of photographs; None takes the first plot's."""
     outdoors: Outdoors | None = None
@@ -220,23 +212,9 @@ class Kind:
     camera: Intrinsics | None = None
     """Of them; None takes the first plot's."""
 
-    @cached_property
-    def recorded(self) -> tuple[tuple[Cloud, PlantsApart], ...]:
-        """Each recorded plot's plants, and how they are told apart; empty for simulated plots."""
-        clouds = [recorded_plants(each.recorded) for each in self.descriptions if each.recorded is not None]
-        return tuple((cloud, tell_apart(cloud)) for cloud in clouds)
-
     def plot(self, number: int) -> tuple[Plot, Volume]:
         """The plot as known without a photograph. Raises SceneError."""
-        given, drawn = self._origin(number)
-        if not drawn or not self.recorded:
-            return Plot.of(self._simulated(number))
-        cloud, apart = self.recorded[given]
-        varied = varied_cloud(cloud, apart, self._variation(number))
-        bounds = self.descriptions[given].bounds
-        description = replace(self.descriptions[given], bounds=bounds_around(bounds, varied))
-        reference, volume = of_interest(description, varied)
-        return Plot(reference), volume
+        return Plot.of(self._description(number))
 
     def prepare(self) -> None:
         """Raises RenderingError: this machine cannot render."""
@@ -249,14 +227,7 @@ class Kind:
 
     def proxy(self, number: int) -> Proxy:
         """The proxy to photograph, built anew. Raises SceneError, StorageError."""
-        given, drawn = self._origin(number)
-        description = self._simulated(number)
-        if drawn and self.recorded:
-            made = self.folder / f"{number}"
-            if not made.is_dir():
-                write_varied_scene(description, self.recorded[given][1], self._variation(number), made)
-            description = read_scene(made / SCENE_FILE)
-        return Proxy.from_description(description, self.camera or self.descriptions[0].camera)
+        return Proxy.from_description(self._description(number), self.camera or self.descriptions[0].camera)
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_shared": self._shared}  # there before workers need it
@@ -279,24 +250,11 @@ class Kind:
             proxy: Proxy = pickle.loads(file.read_bytes())
         return proxy
 
-    def _origin(self, number: int) -> tuple[int, int]:
-        """The given plot that a plot is drawn of, and the number of the draw; draw 0 is the given plot itself."""
-        return number % len(self.descriptions), number // len(self.descriptions)
-
-    def _seed(self, given: int) -> int:
-        return self.seed + _SEEDS_APART * given
-
-    def _variation(self, number: int) -> Variation:
-        given, drawn = self._origin(number)
-        cloud, apart = self.recorded[given]
-        return draw_variation(cloud, apart, self._seed(given), drawn - 1)
-
-    def _simulated(self, number: int) -> SceneDescription:
-        """A simulated plot; for a recorded one the given plot itself."""
-        given, drawn = self._origin(number)
+    def _description(self, number: int) -> SceneDescription:
+        drawn, given = divmod(number, len(self.descriptions))
         description = self.descriptions[given]
         if not drawn or description.recorded is not None:
             return description
-        generator = simulated_field("generator")
-        plots: tuple[SceneDescription, ...] = generator.plots_of_kind(description, drawn, self._seed(given))
+        generator, seed = simulated_field("generator"), self.seed + _SEEDS_APART * given
+        plots: tuple[SceneDescription, ...] = generator.plots_of_kind(description, drawn, seed)
         return plots[-1]

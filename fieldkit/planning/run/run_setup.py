@@ -37,7 +37,7 @@ from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.sites.fitted import Stretch
 
-PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
+PROXY_FOLDER, BUILT_REFERENCE = "proxy", "reference"
 _HEIGHT_ERROR = 0.25
 """Largest error of a plot's height as people state it: plants grow, and nobody measures each plot before a flight."""
 _GOOD_POSES_M = 0.010
@@ -126,7 +126,7 @@ def _on_scenes(settings: SearchSettings, folder: Path, progress: Progress) -> Ru
         first, asked = descriptions[0], settings.noise
         camera = first.camera if settings.camera is None else _rendered(settings.camera, first.camera)
         noise = CaptureNoise(asked.pose_m, asked.pose_deg, image_sigma=asked.image_grey or first.noise.image_sigma)
-        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER, noise, asked.outdoors, camera)
+        kind = Kind(descriptions, settings.seed, noise, asked.outdoors, camera)
         found = [kind.plot(number) for number in range(settings.all_plots)]
     plots = [plot for plot, _ in found]
     height_m = plots[0].height_m
