@@ -96,11 +96,11 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
     from fieldkit.results.plan import station_number
 
     deviations, cover = {d.photograph: d for d in report.deviations}, report.coverage
-    order = {shot.station: k for k, shot in enumerate(report.taken)}
+    shown = () if cover is None else zip(report.taken, cover.lines, cover.plots, strict=True)
+    seen = {shot.station: (line, plots) for shot, line, plots in shown}
     poses = []
     for shot in report.photographs:
-        near, k = deviations.get(shot.station), order.get(shot.station)
-        line = None if cover is None or k is None else cover.lines[k]
+        near, (line, plots) = deviations.get(shot.station), seen.get(shot.station, (None, ()))
         poses.append(
             {
                 "photograph": shot.station + 1,
@@ -115,7 +115,7 @@ def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
                 "pitch_deg": shot.pitch_deg,
                 "time_s": shot.time_s,
                 "line": None if line is None else line + 1,
-                "plots": [] if cover is None or k is None else list(cover.plots[k]),
+                "plots": plots,
                 "speed_mps": shot.speed_mps,
                 "moving": shot.moving,
                 "settled_s": shot.settled_s,

@@ -22,6 +22,7 @@ from fieldkit.missions.autopilots.execution import FlownLeg, Photograph, aim
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.site import Site
 from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.wording import by_key
 
 SHOWN = 0.5
 """Share of a plot's outline that a photograph which shows it holds at least."""
@@ -103,8 +104,8 @@ def coverage(
         return Coverage(nothing, _photographs_of(site, nothing), lines, None, None, None, interval_s, hurried)
     places = frame.points(taken[k].place for k in known)  # type: ignore[misc]
     looks = np.array([(taken[k].heading_deg, taken[k].pitch_deg) for k in known], dtype=np.float64)
-    corners, centres, slants = footprints(PoseArray(places, *looks.T), np.array(grounds_m)[known], vehicle.camera)
-    shown = dict(zip(known, plots_within(corners, site), strict=True))
+    corners, centres, slants = _footprints(PoseArray(places, *looks.T), np.array(grounds_m)[known], vehicle.camera)
+    shown = {} if site is None else dict(zip(known, _plots_within(corners, site), strict=True))
     plots = tuple(shown.get(k, ()) for k in range(len(taken)))
     speeds = np.array([taken[k].speed_mps for k in known])
     blur = vehicle.camera.fx * speeds * vehicle.trigger.shutter_s / np.maximum(slants, 1e-3)
@@ -119,20 +120,17 @@ def _photographs_of(site: Site | None, shown: Sequence[Sequence[str]]) -> dict[s
     return {} if site is None else {name: number[name] for name in site.outlines}
 
 
-def plots_within(corners: FloatArray, site: Site | None) -> list[tuple[str, ...]]:
+def _plots_within(corners: FloatArray, site: Site) -> list[tuple[str, ...]]:
     """The plots that each of some grounds, (n, 4, 2) metres east and north of home, holds by `SHOWN` at least."""
-    shown: list[list[str]] = [[] for _ in corners]
-    if site is not None:
-        names, areas = list(site.outlines), np.array(list(site.outlines.values()))
-        grounds = shapely.polygons(corners)
-        ground, plot = shapely.STRtree(areas).query(grounds, predicate="intersects")
-        shares = shapely.area(shapely.intersection(grounds[ground], areas[plot])) / shapely.area(areas[plot])
-        for k, p in zip(ground[shares >= SHOWN].tolist(), plot[shares >= SHOWN].tolist(), strict=True):
-            shown[k].append(names[p])
-    return list(map(tuple, shown))
+    names, areas = np.array(list(site.outlines)), np.array(list(site.outlines.values()))
+    grounds = shapely.polygons(corners)
+    ground, plot = shapely.STRtree(areas).query(grounds, predicate="intersects")
+    most = shapely.area(shapely.intersection(grounds[ground], areas[plot])) >= SHOWN * shapely.area(areas[plot])
+    shown = by_key(zip(ground[most].tolist(), names[plot[most]].tolist(), strict=True))
+    return [tuple(shown.get(k, ())) for k in range(len(corners))]
 
 
-def footprints(
+def _footprints(
     poses: PoseArray, grounds_m: FloatArray, camera: Intrinsics
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where cameras see the level ground: (n, 4, 2) corners, (n, 2) middles, and (n,) metres to these.

@@ -35,6 +35,7 @@ from fieldkit.results.mission import (
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.routing.flights import FileCapacity
+from fieldkit.routing.motion import FlightTime
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.placement import SiteFrame
@@ -172,8 +173,7 @@ def route_for_files(
         """A flight with the time and length of its file, carried out as it is read."""
         read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), suffix)
         flown = interpret(replace(read, home=read.home or each.mission.home), vehicle, vehicle.dialect)
-        time = each.flight.time.lasting(flown.seconds, vehicle)
-        flight = replace(each.flight, time=time, length_m=flown.length_m)
+        flight = replace(each.flight, time=FlightTime.of(flown.seconds, vehicle), length_m=flown.length_m)
         return foreseen(replace(each, flight=flight), flown, site, vehicle)
 
     if format in MOST_WAYPOINTS:

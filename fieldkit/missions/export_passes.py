@@ -244,7 +244,7 @@ def _flight(
         spacing_m=0.0 if by == "time" else along_m,
         every_s=along_m / passes.speed_mps if by == "time" else 0.0,
     )
-    time = FlightTime(0.0, part.seconds, 0.0, 0.0, 0.0, part.battery)
+    time = FlightTime.of(part.seconds, vehicle)
     return RoutedFlight(mission, Flight((), (leg,), (), leg.length_m, time))
 
 

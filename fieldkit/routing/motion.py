@@ -236,33 +236,17 @@ LANDING_BELOW_M = 10.0
 
 @dataclass(frozen=True)
 class FlightTime:
-    """Seconds from take-off to standing motors, in parts."""
+    """From take-off to standing motors."""
 
-    takeoff_s: float
-    """Straight up from home."""
-    legs_s: float
-    """Between places, including turning where that takes longer than the leg."""
-    turning_s: float
-    """Of them, what turning takes beyond the legs' own time."""
-    pauses_s: float
-    """Standing still at stops."""
-    landing_s: float
-    """Straight down, until the motors stop."""
+    total_s: float
+    """In the air; of a mission with a file what that takes."""
     battery: float
     """Share of one battery's usable time (see `Battery.usable_s`)."""
-    items_s: float = 0.0
-    """What carrying out the mission's file takes beyond these, such as holds in whole seconds; 0 before there is a
-    file."""
 
-    @property
-    def total_s(self) -> float:
-        """All of it."""
-        return self.takeoff_s + self.legs_s + self.pauses_s + self.landing_s + self.items_s
-
-    def lasting(self, seconds: float, vehicle: Vehicle) -> FlightTime:
-        """The same flight where it is known to take so many seconds in all."""
-        items_s = self.items_s + seconds - self.total_s
-        return replace(self, items_s=items_s, battery=seconds / vehicle.battery.usable_s)
+    @classmethod
+    def of(cls, seconds: float, vehicle: Vehicle) -> FlightTime:
+        """A flight that takes so many seconds."""
+        return cls(seconds, seconds / vehicle.battery.usable_s)
 
 
 def flight_time(legs: Sequence[ArrayLike], turns_deg: Sequence[float], pauses_s: float, vehicle: Vehicle) -> FlightTime:
@@ -275,13 +259,10 @@ def flight_time(legs: Sequence[ArrayLike], turns_deg: Sequence[float], pauses_s:
         pauses_s: sum of all pauses at stops.
     """
     own = np.array([path_time_s(leg, vehicle.speeds) for leg in legs])
-    turning = np.maximum(turns_s(turns_deg, vehicle.speeds) - own, 0.0)
+    legs_s = float(np.maximum(turns_s(turns_deg, vehicle.speeds), own).sum())
     takeoff = takeoff_s(float(np.asarray(legs[0])[0, 2]), vehicle.speeds)
     landing = landing_s(float(np.asarray(legs[-1])[-1, 2]), vehicle.speeds)
-    whole = takeoff + float((own + turning).sum()) + pauses_s + landing
-    return FlightTime(
-        takeoff, float((own + turning).sum()), float(turning.sum()), pauses_s, landing, whole / vehicle.battery.usable_s
-    )
+    return FlightTime.of(takeoff + legs_s + pauses_s + landing, vehicle)
 
 
 def stretch_time_s(a: ArrayLike, b: ArrayLike, speeds: Speeds) -> FloatArray:
