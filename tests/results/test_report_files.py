@@ -100,7 +100,7 @@ def test_wrong_fields(tmp_path, reference, change, message) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is not JSON: line 1"),
+        (b"", "is not JSON: it is empty"),
         (b"\xff\xfe\x00", "is not text in UTF-8"),
         (b"[" * 100_000, "is not JSON that a reference could hold"),
         (b"[" + b"9" * 10_000 + b"]", "is not JSON that a reference could hold"),
