@@ -72,9 +72,11 @@ _SCATTER_OF_FLIGHTS_M = 0.010
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
-_SEAM_OF_FLIGHTS_M = 0.0102
-"""Width of the seam about still leaves where photographs of a flight overlap closely, metres: they add up what each has
-beyond a leaf's edge. Fitted with the next one on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
+_SEAM_OF_FLIGHTS = 1.93
+"""Width of the seam about still leaves where photographs of a flight overlap closely, in cells: they add up what each
+has beyond a leaf's edge. Fitted with the next one on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
+_FINEST_OF_FLIGHTS_M = 0.004
+"""Least pixels that it holds for, metres: clouds of finer ones, from near, have gaps."""
 _SEAM_SWAYED_OF_FLIGHTS = 0.155
 """What a metre of sway takes off it, metres."""
 _MOST_SWAY_M = 0.020
@@ -191,7 +193,7 @@ def plot_traits(
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
     of_height = max(of_height, found.pixel_m / _PIXEL_OF_TIPS_M) if flight else of_height
-    of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1])
+    of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1], _FINEST_OF_FLIGHTS_M / found.pixel_m if flight else 0.0)
     of_sway = max(1.0, swayed_m / (_SCATTER_OF_FLIGHTS_M if flight else SCATTER_OF_AREA_M))
     ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
     frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
@@ -256,7 +258,7 @@ def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m:
 
 def _seam_of_flight(found: Reconstruction, swayed_m: float) -> float:
     """The same of photographs that overlap closely: the cloud has all that any of them shows."""
-    return (_SEAM_OF_FLIGHTS_M - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M)) / found.pixel_m
+    return _SEAM_OF_FLIGHTS - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M) / found.pixel_m
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:
