@@ -103,7 +103,7 @@ class TestValues:
         plot = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
         areas = [traits(result, plot).covered_area_m2 for result in (still, swaying)]
         sides = [float(np.sqrt(area)) for area in areas if area is not None]
-        assert sides[0] == pytest.approx(0.3 - 2 * 0.0102, abs=1.5 * still.pixel_m)
+        assert sides[0] == pytest.approx(0.3 - 2 * 1.93 * still.pixel_m, abs=1.5 * still.pixel_m)
         assert sides[1] - sides[0] == pytest.approx(2 * 0.155 * 4.0 * still.pixel_m, rel=0.25)
 
     def test_tall_plants_of_a_flight_have_quantiles_of_height_alone(self, monkeypatch: pytest.MonkeyPatch) -> None:
