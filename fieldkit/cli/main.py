@@ -31,6 +31,7 @@ COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
         "campaign init",
         "campaign show",
         "campaign export",
+        "compare",
         "report",
     ),
     "Simulate": ("demo", "scene new", "scene show", "simulate"),
