@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.folder import LogEntry, RunFolder
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.settings import SearchSettings
-    from fieldkit.runtime.context import Context
     from fieldkit.runtime.progress import Advance, Progress
 
 
@@ -198,8 +197,7 @@ def command(
     if trial.trial is not None:
         if settings.sources or settings.vehicle is None:
             raise UsageError("--trial needs --vehicle, and no other source", remedy="Give the vehicle that flies it.")
-        with run_context(as_json=as_json, seed=settings.seed) as context:
-            _plan_trial(output, trial, settings, context, overwrite=overwrite, as_json=as_json)
+        _plan_trial(output, trial, settings.vehicle, overwrite=overwrite, as_json=as_json)
         return
     own = {"noise": pose_noise(noise)} if noise else {}
     asked = settings.model_copy(update={"envelope": envelope, **own})
@@ -229,17 +227,14 @@ def command(
         _show(output, planned, outcome)
 
 
-def _plan_trial(
-    output: Path, asked: TrialSettings, settings: PlanSettings, context: Context, *, overwrite: bool, as_json: bool
-) -> None:
+def _plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overwrite: bool, as_json: bool) -> None:
     from fieldkit.figures.content import Row, tabulated
     from fieldkit.figures.terminal import rendered
     from fieldkit.files import write_atomic
     from fieldkit.pictures.front import draw_front
     from fieldkit.planning.patterns.plan import FRONT_FILE, plan_trial
 
-    evaluations = settings.evaluations if "evaluations" in settings.model_fields_set else 0
-    made = plan_trial(output, asked, settings.vehicle or "", context, evaluations=evaluations, overwrite=overwrite)
+    made = plan_trial(output, asked, vehicle, overwrite=overwrite)
     title = f"Patterns over {count(made.plots, 'plot')} at {made.stage}"
     points = [(each.minutes, 1000.0 * each.worth.value_m, each is made.chosen) for each in made.front]
     write_atomic(output / PLAN_PICTURE, draw_front(title, points))

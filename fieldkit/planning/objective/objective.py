@@ -239,6 +239,14 @@ class Objective:
                 if self.settings.refine:
                     motion, _ = icp_onto_reference(plants, self.source.reference, with_scale=True)
                     plants = made.moved_plants(motion)
+        scored: dict[str, Any] = {"value_m": WORST_M}
+        if len(plants):
+            to_reference, to_cloud = nearest_distances(self.source.reference, plants)
+            score = score_distances(to_reference, to_cloud, DISTANCES_M)
+            scored = asdict(score.chamfer) | {
+                "value_m": value_m(to_cloud, to_reference),
+                "f_score": f_score_table({d: score.f_scores[d].f_score for d in DISTANCES_M}),
+            }
         evaluation = Evaluation(
             registered=registered,
             right=right,
@@ -249,21 +257,9 @@ class Objective:
             failure=failure,
             cpu_s=max(spent.cpu_seconds, 0.0),
             wall_s=spent.seconds,
-            **scored(self.source.reference, plants),
+            **scored,
         )
         return evaluation, plants
-
-
-def scored(reference: ReferenceIndex, plants: Cloud) -> dict[str, Any]:
-    """Value, distances and F-scores of a cloud, as `Evaluation` has them."""
-    if not len(plants):
-        return {"value_m": WORST_M}
-    to_reference, to_cloud = nearest_distances(reference, plants)
-    score = score_distances(to_reference, to_cloud, DISTANCES_M)
-    return asdict(score.chamfer) | {
-        "value_m": value_m(to_cloud, to_reference),
-        "f_score": f_score_table({d: score.f_scores[d].f_score for d in DISTANCES_M}),
-    }
 
 
 _OPEN = 2

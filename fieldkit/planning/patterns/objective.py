@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +17,13 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.canopy import canopy, inside_outline
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances, score_distances
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.flight import MOST_VIEWS
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.objective.objective import scored
+from fieldkit.planning.objective.evaluation import WORST_M, Evaluation, f_score_table, value_m
 from fieldkit.planning.patterns.block import ROWS_DEG, Block
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.reconstruction.dense.views import views_of
@@ -36,6 +36,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.machine import Spent
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
+from fieldkit.vocabulary import DISTANCES_M
 
 _MOST = 20
 """Photographs that are taken of a pattern, those that show the plot best; dense stereo takes `MOST_VIEWS` of them."""
@@ -152,11 +153,18 @@ def evaluate_capture(
         failure = error.message
         found = {"registered": error.registered, "right": error.right} | found
     errors = None
+    scored: dict[str, object] = {"value_m": WORST_M}
     if len(plants):
+        to_reference, to_cloud = nearest_distances(ReferenceIndex(block.reference, Cloud(block.surface)), plants)
+        score = score_distances(to_reference, to_cloud, DISTANCES_M)
+        scored = asdict(score.chamfer) | {
+            "value_m": value_m(to_cloud, to_reference),
+            "f_score": f_score_table({d: score.f_scores[d].f_score for d in DISTANCES_M}),
+        }
         measured = traits(plants.points, made.pixel_m, noise.wind_m, None)
         errors = trait_errors(measured, traits(block.surface, _CELL_M), block)
     return PatternEvaluation.model_validate(
-        scored(ReferenceIndex(block.reference, Cloud(block.surface)), plants)
+        scored
         | found
         | {
             "photographs": count,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -13,26 +13,18 @@ import shapely
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.json_file import read_model
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.figures.style import format_length
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.planning.patterns.block import Block
 from fieldkit.planning.patterns.front import FrontPattern, PatternWorth, front_of, over
-from fieldkit.planning.patterns.score import PatternScore
-from fieldkit.planning.patterns.search import ROUNDS, PatternSearch
 from fieldkit.planning.patterns.space import PatternSpace
 from fieldkit.planning.plan_settings import TrialSettings
-from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.results.fields import Length, Strict
 from fieldkit.results.plan import Plan, PlanMethod
 from fieldkit.results.plan_file import PLAN_FILE, save_plan
-from fieldkit.runtime.context import Context
 from fieldkit.runtime.shipped import shipped_folder
-from fieldkit.scenes.plot_description import TrialDescription
 from fieldkit.sites.plots_file import drawn_outline, read_plots
-from fieldkit.sites.site import SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.version import __version__
@@ -45,18 +37,7 @@ _WIDE = 0.85
 """Focal length from which a lens is narrow, in widths of the picture."""
 _MOST = 12
 """Patterns of a front."""
-
-
-_BLOCKS = 3
-"""Number of blocks that evaluations are on in turn."""
-_BLOCK_SEED = 5000
-"""Seed of the first one."""
-_LENGTH_M = 2.0
-"""Of a block's plots, metres."""
-_ROWS = 2
-"""Of plots that do not say how many they have."""
-_ROW_SPACING_M = 0.75
-"""Between rows of such plots, metres."""
+_REMEDY = "`fieldkit plan --help` explains the options."
 
 
 class StagePatterns(Strict):
@@ -89,21 +70,12 @@ class TrialPlan:
     plots: int
 
 
-def plan_trial(
-    output: Path,
-    asked: TrialSettings,
-    vehicle: str | Path,
-    context: Context | None = None,
-    *,
-    evaluations: int = 0,
-    overwrite: bool = False,
-) -> TrialPlan:
+def plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overwrite: bool = False) -> TrialPlan:
     """Choose a pattern for a trial, and write plan.json and front.csv.
 
     Args:
         output: the plan's folder.
         vehicle: a profile's name or file.
-        evaluations: of a search over simulated blocks; without any, patterns are those that come with fieldkit.
 
     Raises:
         UsageError: the stage is not known, or no pattern keeps what is asked.
@@ -119,16 +91,10 @@ def plan_trial(
     if not corners:
         raise MetadataError("the plots are points", path=asked.trial, remedy="Draw polygons, or give their sides.")
     plants_m = max((plot.plant_height_m or 0.0 for plot in drawn.plots), default=0.0)
-    kind, context = shipped_patterns(asked.stage, plants_m, flyer), context or Context.usual()
-    stage = asked.stage or kind.stage
-    if stage != kind.stage and not evaluations:
-        context.progress.note(f"no patterns for {stage} come with fieldkit: these are for {kind.stage}")
+    kind = shipped_patterns(asked.stage, plants_m, flyer)
     field = shapely.MultiPoint(corners).convex_hull
     space = PatternSpace(flyer, plants_m or kind.plants_m)
-    if evaluations:
-        flown = _searched(space, field, first, stage, asked, evaluations, context)
-    else:
-        flown = [over(w, space, field, first.row_heading_deg) for w in kind.patterns if space.allows(w.pattern)]
+    flown = [over(w, space, field, first.row_heading_deg) for w in kind.patterns if space.allows(w.pattern)]
     if not flown:
         raise UsageError("the vehicle can fly none of the patterns", remedy="Plan with another vehicle or mount.")
     front = front_of(flown)
@@ -146,46 +112,7 @@ def plan_trial(
         save_plan(folder / PLAN_FILE, plan)
         rows = [each.row for each in front]
         write_atomic(folder / FRONT_FILE, csv_text(list(rows[0]), [row.values() for row in rows]))
-    return TrialPlan(front, chosen, stage, len(drawn.plots))
-
-
-def _searched(
-    space: PatternSpace,
-    field: shapely.Polygon,
-    plot: SitePlot,
-    stage: Stage,
-    asked: TrialSettings,
-    evaluations: int,
-    context: Context,
-) -> list[FrontPattern]:
-    """A front by evaluations on blocks like the field, of which no two are alike."""
-    rows = round(plot.width_m / plot.row_spacing_m) if plot.width_m and plot.row_spacing_m else _ROWS
-    trial = TrialDescription(
-        ranges=3,
-        columns=3,
-        rows=max(rows, 1),
-        row_spacing_m=plot.row_spacing_m or _ROW_SPACING_M,
-        length_m=_LENGTH_M,
-        stage=stage,
-    )
-    scores = []
-    count = min(_BLOCKS, evaluations)
-    with context.progress.stage("Growing blocks", count) as advance:
-        for number in range(count):
-            scores.append(PatternScore.of(Block.of(replace(trial, seed=_BLOCK_SEED + context.seed + number))))
-            advance(1)
-    space = replace(space, plants_m=max(space.plants_m, *(score.block.height_m for score in scores)))
-    noise = flight_noise(space.vehicle)
-    search = PatternSearch(space, field, plot.row_heading_deg, scores, noise, context.seed)
-    with context.progress.stage("Scoring patterns", ROUNDS) as advance:
-        codes = search.explore(advance)
-    with context.progress.stage("Evaluating", evaluations) as advance:
-        for _ in range(evaluations):
-            best = [code for code, each in search.front(codes) if each.minutes <= (asked.minutes or each.minutes)]
-            result = search.evaluate(best or codes)
-            context.progress.note(f"{format_length(result.value_m)} with {result.photographs} photographs of a plot")
-            advance(1)
-    return [each for _, each in search.front(codes)]
+    return TrialPlan(front, chosen, kind.stage, len(drawn.plots))
 
 
 def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> StagePatterns:
