@@ -1,7 +1,7 @@
 """fieldkit: reference clouds, capture scores, camera plans and missions of field plots from photographs.
 
-The commands as functions: `build_reference`, `plan`, `export_mission`, `check`, `evaluate`, `evaluate_flight`,
-`compare_evaluations` and `write_report`. They are imported when first used, so that ``import fieldkit`` stays light.
+The commands as functions: `build_reference`, `plan`, `export_mission`, `check`, `evaluate`, `evaluate_flight` and
+`write_report`. They are imported when first used, so that ``import fieldkit`` stays light.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from fieldkit.version import __version__ as __version__
 if TYPE_CHECKING:
     from fieldkit.clouds.ply import read_cloud as read_cloud
     from fieldkit.errors import FieldkitError as FieldkitError
-    from fieldkit.evaluation.compare import Comparison as Comparison
-    from fieldkit.evaluation.compare import compare_evaluations as compare_evaluations
     from fieldkit.evaluation.evaluate import evaluate as evaluate
     from fieldkit.evaluation.flight import evaluate_flight as evaluate_flight
     from fieldkit.evaluation.reference import build_reference as build_reference

@@ -12,7 +12,7 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | Which plot and date is a photograph of? | sorting.py |
 | What does a worker do with a visit, in which frame? | evaluate_visit.py |
 | Which fieldkit computed a visit? | reading.py; versions of its stages: fieldkit/reconstruction/versions.py |
-| Which plot is better, and what changed? | fieldkit/evaluation/compare.py; as `campaign show` says it: overview.py |
+| Which plot is better, and what changed? | fieldkit/campaign/ranks.py; as `campaign show` says it: overview.py |
 | How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage, height models) |
 """
 

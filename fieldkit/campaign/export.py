@@ -19,10 +19,10 @@ from typing import Any, Literal, get_args, get_type_hints
 import numpy as np
 import shapely
 
+from fieldkit.campaign.ranks import Ranked, ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot, visit_files
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import MetadataError, StorageError, UsageError
-from fieldkit.evaluation.compare import Ranked, ranking
 from fieldkit.evaluation.rasters import (
     CANOPY_FILE,
     REFUSED_TAG,

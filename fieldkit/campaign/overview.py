@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from fieldkit.campaign.measured import measured_agreement
+from fieldkit.campaign.ranks import Drift, Ranked, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign, changed_stages, is_current
-from fieldkit.evaluation.compare import Drift, Ranked, drift, measured_noise_m, ranking, score_of
 from fieldkit.figures.content import Column, Table, tabulated
-from fieldkit.figures.registry import TRENDS, figure
+from fieldkit.figures.registry import FIGURES, TRENDS
 from fieldkit.figures.style import millimetres
 from fieldkit.figures.tables.scores import counted_traits, interval, traits_table
 from fieldkit.results.visit import Visit
@@ -80,7 +80,7 @@ def drift_tables(campaign: Campaign) -> Iterator[Table]:
     """What changed over the dates: of distances, then of traits."""
     changes = drift(campaign.visits, campaign.plan)
     for of_traits in (False, True):
-        own_changes = [change for change in changes if (figure(change.figure).group == "trait") is of_traits]
+        own_changes = [change for change in changes if (FIGURES[change.figure].group == "trait") is of_traits]
         if own_changes:
             yield _drift_table(own_changes)
 
@@ -224,4 +224,4 @@ def _drift_table(changes: list[Drift]) -> Table:
 
 def _changed(change: Drift) -> str:
     said = {True: ", beyond noise", False: ", within noise", None: ""}[change.beyond_noise]
-    return ("+" if change.change >= 0 else "−") + figure(change.figure).amount(abs(change.change)) + said
+    return ("+" if change.change >= 0 else "−") + FIGURES[change.figure].amount(abs(change.change)) + said

@@ -16,7 +16,6 @@ _REMEDIES = {
     "images": _PHOTOGRAPHS,
     "reference": _REFERENCE,
     "references": _REFERENCE,
-    "evaluations": "Give the folder that `fieldkit evaluate` wrote, or run it again.",
     "plan": "Give the plan.json of a plan, or the folder that holds it.",
     "campaign": "Make one with `fieldkit campaign init`.",
 }
@@ -39,8 +38,6 @@ def check_given(command: str, values: Mapping[str, Any]) -> None:
                 from fieldkit.vehicles.vehicle_file import find_vehicle
 
                 find_vehicle(path)
-            elif name == "evaluations" and not os.path.lexists(path):
-                path = Path(str(path).partition("=")[2] or path)  # LABEL=PATH
             read = name in _READ or (name == "folder" and command != "campaign init")
             if read and isinstance(path, Path) and not os.path.lexists(path.expanduser()):
                 remedy = _REMEDIES.get(command.split()[0] if name == "folder" else name, "Check its name.")

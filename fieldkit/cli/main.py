@@ -31,7 +31,6 @@ COMMAND_GROUPS: dict[str, tuple[str, ...]] = {
         "campaign init",
         "campaign show",
         "campaign export",
-        "compare",
         "report",
     ),
     "Simulate": ("demo", "scene new", "scene show", "simulate"),

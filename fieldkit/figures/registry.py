@@ -1,6 +1,6 @@
 """Every figure of a plot, once: what it is called, its unit, its value and error, and what it means.
 
-Tables, maps, drift, comparisons, exports and the glossary read it. Traits come from `fieldkit.results.traits`, where
+Tables, maps, drift, exports and the glossary read it. Traits come from `fieldkit.results.traits`, where
 each is described beside its field.
 """
 
@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 
 from fieldkit.figures.content import Cell, Column, Row
 from fieldkit.figures.style import DISTANCE_RAMP, decimal, format_nominal, three_digits, with_unit
-from fieldkit.results.evaluation import PlotEvaluation, distance_key
+from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import DESCRIBED, Trait, error_column
 from fieldkit.results.visit import Visit
 
@@ -119,18 +119,9 @@ def f_score(distance: str) -> Figure:
     )
 
 
-def figure(key: str) -> Figure:
-    """The figure of a key; KeyError if there is none."""
-    return f_score(key.removeprefix(F_SCORE)) if key.startswith(F_SCORE) else FIGURES[key]
-
-
-def figures_of(*groups: Group, distances_m: Sequence[float] = ()) -> tuple[Figure, ...]:
-    """The figures of groups in the order of tables, with the F-scores at distances after the distances."""
-    found = [each for group in groups for each in FIGURES.values() if each.group == group]
-    if "distance" in groups:
-        last = max(k for k, each in enumerate(found, 1) if each.group == "distance")
-        found[last:last] = [f_score(distance_key(distance)) for distance in distances_m]
-    return tuple(found)
+def figures_of(group: Group) -> tuple[Figure, ...]:
+    """The figures of a group in the order of tables."""
+    return tuple(each for each in FIGURES.values() if each.group == group)
 
 
 def cells(plot: Scored, figures: Sequence[Figure]) -> Row:

@@ -1,6 +1,6 @@
 """Results as CSV: UTF-8, commas, decimal points, empty cells for missing values.
 
-plots.csv, traits.csv, plants.csv (docs/traits.md), adherence.csv and compare.csv.
+plots.csv, traits.csv, plants.csv (docs/traits.md) and adherence.csv.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fieldkit.documents.csv_text import csv_text
-from fieldkit.results.comparison import ComparisonReport, DifferenceEntry, ValueEntry
 from fieldkit.results.evaluation import (
     AdherenceEntry,
     EvaluationReport,
@@ -97,21 +96,3 @@ def adherence_csv(found: AdherenceEntry) -> str:
     """Achieved less planned, one row per station that was photographed."""
     columns = tuple(StationErrorEntry.model_fields)
     return csv_text(columns, ([getattr(error, name) for name in columns] for error in found.stations))
-
-
-def compare_csv(report: ComparisonReport) -> str:
-    """One row per plot, figure and evaluation, and one per further difference."""
-    first = report.evaluations[0].label
-    told = {(d.plot, d.figure, d.label): d for d in report.differences if d.less == first}
-    own, differing = (
-        ("value", "repeats", "spread"),
-        ("less", "difference", "noise", "noise_sd", "low", "high", "beyond"),
-    )
-
-    def row(of: ValueEntry | DifferenceEntry, difference: DifferenceEntry | None) -> Row:
-        cells = [(of, name) for name in ("plot", "figure", "label", *own)] + [(difference, name) for name in differing]
-        return [getattr(entry, name, None) for entry, name in cells]
-
-    rows = [row(v, told.get((v.plot, v.figure, v.label))) for v in report.values]
-    rows += [row(d, d) for d in report.differences if d.less != first]
-    return csv_text(("plot", "figure", "evaluation", *own, *differing[:-1], "beyond_noise"), rows)

@@ -88,11 +88,6 @@ def decimal(value: float | None, digits: int = 2) -> str | None:
     return None if value is None else _signed(f"{value:,.{digits}f}")
 
 
-def signed(value: float, digits: int) -> str:
-    """A difference with its sign and the given significant digits: ``+0.0124``, ``−3.59``."""
-    return f"{value:+.{digits}g}".replace("-", "−")
-
-
 def percent(share: float | None, digits: int = 1) -> str | None:
     """A share as a percentage without the % sign; 100 only for exactly 1. None stays None."""
     if share is None:

@@ -17,7 +17,6 @@ from fieldkit.figures import content
 from fieldkit.figures.content import Block, Cell, Column, KeyFigures, Paragraph, Table, Terms
 from fieldkit.figures.style import DASH, visible
 from fieldkit.figures.tables import reconstruction, scores
-from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
 from fieldkit.wording import count
 
@@ -156,11 +155,6 @@ def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
     for plot in report.plots:
         if plot.error is not None and plot.findings:
             yield from rendered([reconstruction.finding_table(plot.findings, _MOST_NAMES)], plot.name)
-
-
-def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:
-    """Differences to the first evaluation, and remarks."""
-    yield from rendered(scores.comparison_blocks(report))
 
 
 def _reconstruction(report: ReconstructionEntry) -> Iterator[Block]:

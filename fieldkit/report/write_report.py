@@ -17,8 +17,6 @@ from fieldkit.regular_files import check_replaceable
 from fieldkit.report.html.document import render
 from fieldkit.report.sections.campaign import campaign_section, campaign_statements
 from fieldkit.report.sections.captures import (
-    comparison_section,
-    comparison_statements,
     evaluation_section,
     evaluation_statements,
     reference_section,
@@ -29,7 +27,6 @@ from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Resul
 from fieldkit.report.sections.plan import mission_section, mission_statements, plan_section, plan_statements
 from fieldkit.report.sections.shown import Seen, Shown, add_photographs
 from fieldkit.report.sections.views_3d import NotedView, mission_view, plan_view, plot_views, reference_view
-from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.runtime.progress import Progress, Silent
@@ -64,7 +61,6 @@ class ReportSummary:
     points_found: int
     """Before thinning."""
     thumbnails: int
-    comparisons: int = 0
 
 
 def write_report(
@@ -176,7 +172,6 @@ KINDS: tuple[Part[Any], ...] = (
     Part("plan", PlanRun, plan_section, plan_statements, _one(plan_view)),
     Part("mission", FlownMission, mission_section, mission_statements, _one(mission_view)),
     Part("evaluation", EvaluationReport, evaluation_section, evaluation_statements, plot_views, add_photographs),
-    Part("comparison", ComparisonReport, comparison_section, comparison_statements),
     Part("campaign", Campaign, campaign_section, campaign_statements),
 )
 """In the order of the page."""

@@ -13,7 +13,6 @@ from fieldkit.documents.json_file import read_model, schema_text
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
-from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, FileEntry, ReferenceReport
 from fieldkit.results.mission import MissionRecord
 from fieldkit.results.plan import Plan
@@ -26,7 +25,6 @@ SCHEMA_FILES: dict[str, type[BaseModel]] = {
     "mission.schema.json": MissionRecord,
     "reference.schema.json": ReferenceReport,
     "evaluation.schema.json": EvaluationReport,
-    "comparison.schema.json": ComparisonReport,
     "visit.schema.json": Visit,
 }
 

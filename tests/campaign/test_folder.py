@@ -16,10 +16,10 @@ from fieldkit.campaign import Campaign, Visit, find_campaign, read_campaign
 from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
 from fieldkit.campaign.export import campaign_csv, export_campaign
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks, verdict
+from fieldkit.campaign.ranks import drift, ranking
 from fieldkit.campaign.reading import CampaignTable, campaign_text, keep_visit, read_campaign_file
 from fieldkit.cli.boundary import emit_json
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.evaluation.compare import drift, ranking
 from fieldkit.evaluation.conversion import evaluation_report
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings

@@ -74,7 +74,6 @@ def test_wrong_arguments_are_named_with_the_right_ones(call: Callable[[], Any], 
 @pytest.mark.parametrize(
     "call",
     [
-        lambda file: fieldkit.compare_evaluations([file, file], f"{file}/compared"),
         lambda file: fieldkit.export_mission(file, "ardupilot-pitch", file, file),
         lambda file: fieldkit.write_report(file, f"{file}/report.html"),
         fieldkit.load_plan,

@@ -9,8 +9,7 @@ from fieldkit.clouds import Cloud, Volume, score
 from fieldkit.evaluation.evaluate_plot import _other_plants, _refined, scale_doubt
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.results.finding import Finding
-from tests.evaluation.examples import reconstruction
-from tests.evaluation.test_compare import leaves
+from tests.evaluation.examples import leaves, reconstruction
 
 
 def found_with(cloud: Cloud, rms_m: float | None) -> Reconstruction:

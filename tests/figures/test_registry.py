@@ -2,7 +2,7 @@
 
 import pytest
 
-from fieldkit.figures.registry import FIGURES, TRENDS, figure, figures_of
+from fieldkit.figures.registry import FIGURES, TRENDS, f_score, figures_of
 from fieldkit.results.evaluation import Prediction
 from fieldkit.results.traits import TRAITS as TRAIT_KEYS
 from fieldkit.results.traits import TraitsEntry
@@ -14,7 +14,13 @@ def test_evaluations_and_visits_have_the_same_figures() -> None:
     told = Prediction(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
     plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
     visit = Visit.of_evaluation(plot, plot="a", date="2026-06-30")
-    for each in (*figures_of("distance", "prediction", "trait", distances_m=(0.005,)), FIGURES["pose_rms_m"]):
+    for each in (
+        *figures_of("distance"),
+        f_score("0.005"),
+        *figures_of("prediction"),
+        *figures_of("trait"),
+        FIGURES["pose_rms_m"],
+    ):
         assert each.value(plot) == each.value(visit) is not None
         assert each.error(plot) == each.error(visit)
     assert FIGURES["predicted_chamfer_m"].error(visit) == pytest.approx(0.009)
@@ -31,8 +37,7 @@ def test_evaluations_and_visits_have_the_same_figures() -> None:
 
 
 def test_order_and_keys() -> None:
-    distances = [each.key for each in figures_of("distance", distances_m=(0.005, 0.01))]
-    assert distances == ["chamfer_m", "accuracy_m", "completeness_m", "f_score_0.005", "f_score_0.010"]
+    assert [each.key for each in figures_of("distance")] == ["chamfer_m", "accuracy_m", "completeness_m"]
     assert [each.key for each in figures_of("trait")] == list(TRAIT_KEYS)
     assert [each.key for each in TRENDS] == [
         "chamfer_m",
@@ -45,9 +50,7 @@ def test_order_and_keys() -> None:
         "plants",
     ]
     assert len({each.label for each in FIGURES.values()}) == len(FIGURES)
-    assert figure("f_score_0.010").label == "F‑score at 10 mm"
-    with pytest.raises(KeyError):
-        figure("nonsense")
+    assert f_score("0.010").label == "F‑score at 10 mm"
 
 
 def test_lengths_without_a_scale_are_not_compared() -> None:

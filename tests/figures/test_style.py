@@ -2,7 +2,7 @@
 
 import pytest
 
-from fieldkit.figures.style import decimal, format_length, format_nominal, format_seconds, millimetres, percent, signed
+from fieldkit.figures.style import decimal, format_length, format_nominal, format_seconds, millimetres, percent
 
 
 @pytest.mark.parametrize(
@@ -48,4 +48,3 @@ def test_numbers_without_units() -> None:
         None,
     ]
     assert (decimal(12.3456), percent(0.99999), percent(1.0), percent(0.5, 0)) == ("12.35", "99.9", "100.0", "50")
-    assert (signed(0.01239, 3), signed(-3.59, 3)) == ("+0.0124", "−3.59")

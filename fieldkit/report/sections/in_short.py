@@ -24,12 +24,10 @@ from fieldkit.figures.content import (
 )
 from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error, millimetres
-from fieldkit.figures.tables.scores import counted_traits, difference_table, leading_figures, plot_cell, traits_table
-from fieldkit.report.sections.captures import noise_counts
+from fieldkit.figures.tables.scores import counted_traits, plot_cell, traits_table
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
 from fieldkit.report.sections.plots import campaign_map, flight_map, led_to
 from fieldkit.report.sections.shown import Shown
-from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import FIELD_PICTURE, EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.finding import OTHER_PLANTS
@@ -85,15 +83,11 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
 
 
 def _plants(results: Results, shown: Shown) -> Iterator[Table]:
-    """What grows on the plots: of each campaign's last date and of each evaluation; leading figures of comparisons."""
+    """What grows on the plots: of each campaign's last date and of each evaluation."""
     for result in results.of(Campaign):
         if dates := result.report.dates:
             last = [visit for visit in result.report.visits if visit.date == dates[-1]]
             yield traits_table(f"What grows there, {dates[-1]}", last)
-    for comparison in results.of(ComparisonReport):
-        for figure in leading_figures(comparison.report):
-            if (table := difference_table(comparison.report, figure)).rows:
-                yield table
     several = len(results.of(EvaluationReport)) > 1
     for k, evaluation in enumerate(results.of(EvaluationReport), 1):
         report = evaluation.report
@@ -151,10 +145,6 @@ def _made(results: Results) -> Iterator[tuple[str, bool]]:
             traits, all_known = counted_traits(done, len(plots))
             told, complete = f"{told}{_distances(done)}; {traits}", complete and all_known
         yield told, complete
-    for comparison in results.of(ComparisonReport):
-        beyond, within, _ = noise_counts(comparison.report)
-        said = f" ({beyond} of {count(beyond + within, 'difference')} beyond noise)" if beyond + within else ""
-        yield f"a comparison of {count(len(comparison.report.evaluations), 'evaluation')}{said}", True
     yield from (campaign_verdict(result.report) for result in results.of(Campaign))
 
 

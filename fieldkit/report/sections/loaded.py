@@ -13,7 +13,6 @@ from pydantic_core import to_jsonable_python
 
 from fieldkit.campaign.reading import read_campaign
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
-from fieldkit.results.comparison import COMPARE_FILE, load_comparison
 from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
 from fieldkit.results.mission import MissionFlight, MissionRecord, load_mission, records_in
 from fieldkit.results.plan import Plan
@@ -38,7 +37,7 @@ LARGEST_COUNT = 2**64
 """Largest count that is shown."""
 
 _REMEDY = (
-    "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, compare, campaign, "
+    "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, campaign, "
     "demo), or one that holds such folders."
 )
 _MOST_MISSIONS = 100
@@ -120,7 +119,6 @@ _READERS: Mapping[str, Callable[[Path], Any]] = {
     REFERENCE_FILE: load_reference_report,
     EVALUATION_FILE: load_evaluation_report,
     CAMPAIGN_FILE: read_campaign,
-    COMPARE_FILE: load_comparison,
     DEMO_FILE: load_demo,
 }
 """By the file that makes a folder such a result; plans and missions have readers of their own."""

@@ -18,7 +18,6 @@ from fieldkit.missions.settings import MissionSettings
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.settings import GivenPlot, SearchSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.comparison import COMPARE_FILE, ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
 from fieldkit.results.evaluation import (
     AdherenceEntry,
     EvaluationReport,
@@ -45,7 +44,6 @@ SECTIONS = (
     "plan-1",
     "mission-1",
     "evaluation-1",
-    "comparison-1",
     "campaign-1",
     "glossary",
     "provenance",
@@ -279,48 +277,6 @@ def write_campaign(
             keep_visit(folder, visit)
 
 
-def write_comparison(folder: Path, label: str = "june") -> None:
-    """A comparison's folder: of two evaluations of one plot, nearer to the reference by more than noise, and higher."""
-    folder.mkdir(parents=True)
-    evaluations = tuple(
-        ComparedEvaluation(label=name, sources=(name,), reference_sha256=None, plots=("a",)) for name in ("may", label)
-    )
-    told = {"plot": "a", "less": "may", "label": label}
-    report = ComparisonReport(
-        fieldkit="0",
-        evaluations=evaluations,
-        figures=("chamfer_m", "height_m", "points"),
-        notes=(f"A note of {label}.",),
-        values=(ValueEntry(plot="a", figure="chamfer_m", label=label, value=0.0132, repeats=1, spread=None),),
-        differences=(
-            DifferenceEntry(
-                **told,
-                figure="chamfer_m",
-                difference=-0.0034,
-                noise="repeats",
-                noise_sd=0.0001,
-                low=-0.0036,
-                high=-0.0032,
-                beyond=True,
-            ),
-            DifferenceEntry(
-                **told,
-                figure="height_m",
-                difference=0.12,
-                noise="flights",
-                noise_sd=0.1,
-                low=-0.1,
-                high=0.3,
-                beyond=False,
-            ),
-            DifferenceEntry(
-                **told, figure="points", difference=1200.0, noise=None, noise_sd=None, low=None, high=None, beyond=None
-            ),
-        ),
-    )
-    (folder / COMPARE_FILE).write_text(report.model_dump_json())
-
-
 def write_photographs(folder: Path, count: int = 8, *, side: int = 320) -> None:
     """Photographs as the examples' reports name them."""
     folder.mkdir(parents=True)
@@ -339,7 +295,6 @@ def write_everything(root: Path) -> None:
     write_evaluation(
         root / "scores", root / "reference", plots=names, failed="empty", adherence=True, source="captures"
     )
-    write_comparison(root / "comparison", HOSTILE)
     write_campaign(root / "campaign")
     (root / "broken").mkdir()
     (root / "broken" / "evaluation.json").write_text('{"kind": "evaluation", "version": 1}')

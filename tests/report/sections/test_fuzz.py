@@ -22,7 +22,6 @@ FILES = (
     "plan/evaluations.jsonl",
     "scores/evaluation.json",
     "mission/field.mission.json",
-    "comparison/compare.json",
 )
 JUNK: tuple[Any, ...] = (
     None, True, 0, -1, 10**18, 10**40, 0.0, 1e-300, 1e8, 1e308, -1e308, "", HOSTILE, "../../../etc/passwd", "\0", [],

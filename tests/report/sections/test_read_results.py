@@ -9,7 +9,6 @@ from fieldkit.errors import MetadataError
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results, read_results
 from fieldkit.report.sections.plan import mission_statements
 from fieldkit.report.sections.shown import thumbnails
-from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from tests.missions.test_export import SITES
 from tests.report.sections.examples import (
@@ -32,12 +31,11 @@ def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: P
     assert [part.name for part in found.of(PlanRun)] == ["plan"]  # not the campaign's own
     assert [(part.name, part.report.mission_file) for part in found.of(FlownMission)] == [("mission", "field.plan")]
     assert [part.name for part in found.of(EvaluationReport)] == ["scores"]
-    assert [part.name for part in found.of(ComparisonReport)] == ["comparison"]
     assert [part.report.name for part in found.of(Campaign)] == ["maize 2026"]
     assert [each.name for each in found.unreadable] == ["broken/evaluation.json"]
     assert found.unreadable[0].message
     assert found.unreadable[0].remedy
-    assert len(found.found) == 6
+    assert len(found.found) == 5
 
 
 def test_a_result_of_its_own(tmp_path: Path) -> None:

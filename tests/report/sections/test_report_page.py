@@ -29,7 +29,6 @@ from tests.report.sections.examples import (
     HOSTILE,
     SECTIONS,
     SHOWN,
-    write_comparison,
     write_evaluation,
     write_everything,
     write_flight,
@@ -93,7 +92,6 @@ class TestFile:
     def test_it_shows_every_part_in_order_and_hostile_names_stay_text(self, season: Path, tmp_path: Path) -> None:
         done = write_report(season, tmp_path / "report.html")
         assert (done.references, done.plans, done.missions, done.evaluations, done.campaigns) == (1, 1, 1, 1, 1)
-        assert done.comparisons == 1
         assert done.unreadable == ("broken/evaluation.json",)
         assert (done.views, done.thumbnails) == (5, 0)
         assert done.bytes == (tmp_path / "report.html").stat().st_size
@@ -272,18 +270,6 @@ def test_what_is_the_same_of_many_plots_is_said_once(tmp_path: Path) -> None:
     text = checked((tmp_path / "report.html").read_text()).text
     assert text.count("Fly these stations again:") == 5 + 26  # the others are folded
     assert "The same of 26 more" in text
-
-
-def test_a_comparison_says_what_is_more_than_noise(tmp_path: Path) -> None:
-    write_comparison(tmp_path / "cmp")
-    write_report(tmp_path / "cmp")
-    text = checked((tmp_path / "cmp" / "report.html").read_text()).text
-    assert "a comparison of 2 evaluations (1 of 2 differences beyond noise)" in text
-    assert "1 difference to “may” may be noise" in text
-    assert re.search(r"a june 13\.2 −3\.4 ±0\.2 yes", text)
-    (tmp_path / "cmp" / "compare.json").write_text('{"kind": "comparison", "version": 1}')
-    with pytest.raises(MetadataError, match="fieldkit"):
-        read_results(tmp_path / "cmp")
 
 
 def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: Path) -> None:
