@@ -14,7 +14,7 @@ from fieldkit.arrays import BoolArray, FloatArray, IntArray
 from fieldkit.evaluation.flight import MOST_VIEWS
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.planning.patterns.block import Block
-from fieldkit.planning.patterns.objective import plot_volume, poses_about, showing, trait_errors, traits
+from fieldkit.planning.patterns.photographs import plot_volume, poses_about, showing, trait_errors, traits
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.score.geometric import SWAYING, expected_distance_m, reconstructed
 from fieldkit.planning.score.matchability import ties
