@@ -162,7 +162,11 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
         near.append(cloud.query(seen.surface)[0] <= _WITHIN_M)
         ground_m = float(np.median(ground_height(soil, *seen.surface[:, :2].T)))
         hidden_m.append(float(truth[plot.name]["height_m"]) - seen.top_m + ground_m)
-    grounds_m = [_in_scene(flight, plot, np.zeros((1, 3)))[0] - common_m for plot in report.plots if plot.frame]
+    feet = [
+        _in_scene(flight, plot, plot.frame.ground.above(_middle(plot)))[0] - common_m
+        for plot in report.plots
+        if plot.frame is not None and plot.frame.ground is not None
+    ]
     own_s = [sum(time.cpu_s for time in plot.times) for plot in report.plots]
     assert report.flight is not None
     return Judged(
@@ -180,7 +184,7 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
         memory_gb,
         float(np.concatenate(near).mean()) if near else float("nan"),
         _rms(hidden_m),
-        _rms([place[2] - float(ground_height(soil, *place[:2, None])[0]) for place in grounds_m]),
+        _rms([place[2] - float(ground_height(soil, *place[:2, None])[0]) for place in feet]),
         float(np.quantile(list(off_m.values()), 0.95)) if off_m else float("nan"),
     )
 
@@ -190,6 +194,14 @@ def _surfaces(flight: Flight, report: EvaluationReport) -> list[tuple[PlotEvalua
     plots = {plot.name: plot for plot in report.plots if plot.traits is not None}
     names = list(plots)[:_SURFACES]
     return [(plots[name], seen) for name, seen in seen_by_two(flight, names).items()] if names else []
+
+
+def _middle(plot: PlotEvaluation) -> FloatArray:
+    """(1, 2) of a plot's volume."""
+    assert plot.volume is not None
+    low, high = np.array(plot.volume.lower_m), np.array(plot.volume.upper_m)
+    middle: FloatArray = 0.5 * (low + high)[None, :2]
+    return middle
 
 
 def _rms(errors: Sequence[float]) -> float:
