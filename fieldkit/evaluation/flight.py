@@ -355,6 +355,8 @@ def plot_volume(corners: Outline, points: FloatArray, ground: Plane | None) -> V
 def plot_views(sparse: SparseResult, volume: Volume) -> tuple[str, ...]:
     """The photographs that a plot is reconstructed from, best first: more from near, where each shows a part of it."""
     names = views_of(sparse.poses, sparse.intrinsics, volume, _MOST_NEAR_VIEWS)
+    if len(names) <= MOST_VIEWS:
+        return names
     x, y = (np.linspace(low, high, _PLACES) for low, high in zip(volume.lower[:2], volume.upper[:2], strict=True))
     places = np.stack(np.meshgrid(x, y, volume.center[2]), axis=-1).reshape(-1, 3)
     cameras = [sparse.intrinsics[name].without_distortion() for name in names]

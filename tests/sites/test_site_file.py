@@ -204,7 +204,7 @@ def test_no_way_out_of_the_folder(tmp_path: Path) -> None:
         ([{"type": "Feature", "geometry": None}], "feature 1: is not a feature with a geometry"),
         ([{"type": "Feature", "geometry": {"type": "Point", "coordinates": [True, 1]}}], "is no GeoJSON"),
         ([], "holds no features"),
-        ([point(row_heading_deg=0)] * 2001, "2000 are the most"),
+        ([point(row_heading_deg=0)] * 2001, "holds more than 2000 features"),
     ],
 )
 def test_plots_errors(tmp_path: Path, features: list[Any], message: str) -> None:
