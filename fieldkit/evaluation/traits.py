@@ -358,7 +358,7 @@ def matched_share(sparse: SparseResult, points: FloatArray) -> float:
     """Share of points (n, 3), plot frame, that dense stereo can be right at: a photograph that has one in the picture
     has two others from 3 to 36 degrees beside it, about as far away, that have it, too.
     """
-    centers = np.array([pose.center for pose in sparse.poses.values()])
+    centers = sparse.centers
     matched = 0
     for block in np.array_split(points, math.ceil(len(points) * len(centers) ** 2 / _MOST_ANGLES)):
         seen = _in_pictures(sparse, block)

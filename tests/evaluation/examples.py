@@ -6,19 +6,16 @@ import numpy as np
 import pycolmap
 
 from fieldkit.captures.model import CameraGroup, Capture, Photo
-from fieldkit.clouds import Cloud, Volume, write_cloud
-from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
+from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.colmap_model import model_points, new_model
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
-from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ImageReport, StageTime
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
-from fieldkit.results.report_files import describe_files, save_report
 
 INTRINSICS = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1400.0, 800.0, 600.0, -0.01))
 
@@ -162,19 +159,3 @@ def leaves(seed: int, *, lift_m: float = 0.0, noise_m: float = 0.002, points: in
     surface = np.stack([along * c - across * s, along * s + across * c, -2.0 * along**2], axis=1) + middle[leaf]
     whole = rng.normal(0.0, noise_m, (40, 3))[leaf]
     return Cloud(surface + whole + rng.normal(0.0, noise_m, (points, 3)) + [0.0, 0.0, lift_m])
-
-
-def evaluation_folder(folder: Path, clouds: dict[str, Cloud]) -> Path:
-    """An evaluation of plots with these clouds, without a reference."""
-    folder.mkdir(parents=True)
-    plots = []
-    for name, cloud in clouds.items():
-        plot = plot_evaluation(name, reconstruction(), ReconstructionSettings(), score=None)
-        (folder / name).mkdir()
-        write_cloud(folder / name / "cloud.ply", cloud)
-        plots.append(plot.model_copy(update={"files": describe_files(folder, [f"{name}/cloud.ply"])}))
-    report = evaluation_report(
-        folder.name, plots, ReconstructionSettings(), reference_sha256=None, refine=False, distances_m=()
-    )
-    save_report(folder / "evaluation.json", report)
-    return folder

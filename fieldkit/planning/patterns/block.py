@@ -10,7 +10,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.clouds.canopy import Outline, inside_outline, rectangle
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.planning.space.plots import LOWEST_M
-from fieldkit.scenes.description import SceneDescription, build
+from fieldkit.scenes.description import build
 from fieldkit.scenes.plot_description import TrialDescription
 from fieldkit.scenes.sampling import sample_visible
 from fieldkit.scenes.scene import Mesh, Scene
@@ -22,8 +22,6 @@ _AROUND_M = 1.2
 """Width about a plot within which plants hide it, metres."""
 _POINTS = 60_000
 """Points drawn on the surfaces of a plot and of what is about it."""
-_DENSER = 10
-"""Points that accuracy is measured to, for each one of the reference."""
 _PIXELS = 2400
 """Side of the depth maps that tell what of them can be seen, pixels."""
 
@@ -32,15 +30,10 @@ _PIXELS = 2400
 class Block:
     """A plot of a block, in the block's frame: rows run along x, z is above the ground."""
 
-    description: SceneDescription
-    scene: Scene
-    """As it is photographed."""
     outline: Outline
     """Of the plot."""
     reference: Cloud
     """PC_env: what can be seen of plants above the plot, with normals."""
-    surface: FloatArray
-    """(n, 3) the same, more densely."""
     triangles: FloatArray
     """(m, 3, 3) corners of the plants that may hide it."""
 
@@ -54,16 +47,13 @@ class Block:
         """A trial's plot, by its id, or the one in the middle."""
         plot = plot or f"r{trial.ranges // 2 + 1}c{trial.columns // 2 + 1}"
         (own,) = (p for p in simulated_field("trial.layout").plots_of(trial) if p.id == plot)
-        description: SceneDescription = simulated_field("trial.files").new_trial(trial)
-        scene = build(description)
+        scene = build(simulated_field("trial.files").new_trial(trial))
         outline = rectangle(own.lower_m, own.upper_m)
         near = _near(scene, np.array(own.lower_m) - _AROUND_M, np.array(own.upper_m) + _AROUND_M)
-        reference, surface = (
-            cloud.select(inside_outline(cloud.points, outline) & (cloud.points[:, 2] > LOWEST_M))
-            for cloud in sample_visible(near, (_POINTS, _DENSER * _POINTS), trial.seed, pixels=_PIXELS)
-        )
+        (seen,) = sample_visible(near, (_POINTS,), trial.seed, pixels=_PIXELS)
+        reference = seen.select(inside_outline(seen.points, outline) & (seen.points[:, 2] > LOWEST_M))
         triangles = np.concatenate([mesh.vertices[mesh.faces] for mesh in near.meshes]).astype(np.float64)
-        return cls(description, scene, outline, reference, surface.points, triangles)
+        return cls(outline, reference, triangles)
 
 
 def _near(scene: Scene, low: FloatArray, high: FloatArray) -> Scene:

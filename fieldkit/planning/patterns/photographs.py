@@ -24,8 +24,8 @@ _ABOVE_M = 0.3
 """Room above its plants, metres."""
 _REACH = 0.8
 """How far beside the plot photographs look at most that may show it well, in heights above the ground."""
-_CELL_M = 0.004
-"""Cells of the true canopy, metres."""
+_SEAM = 0.5
+"""Width of the seam about leaves that points of surfaces have, in cells."""
 _SHARE = 0.99
 """Quantile of height."""
 
@@ -79,7 +79,7 @@ def trait_errors(measured: FloatArray, true: FloatArray, block: Block) -> TraitE
     return TraitErrors(height_m=height_m, cover=cover_m2 / area_m2, volume=volume_m3 / float(true[2]))
 
 
-def traits(points: FloatArray, cell_m: float, swayed_m: float = 0.0, seam: float | None = 0.5) -> FloatArray:
-    """(3,) height, covered ground in m² and volume in m³ of a plot's points (n, 3); as `canopy` takes the rest."""
-    above = canopy(points, points[:, 2], cell_m, swayed_m, seam)
+def traits(points: FloatArray, cell_m: float) -> FloatArray:
+    """(3,) height, covered ground in m² and volume in m³ of a plot's points (n, 3), by cells of the canopy."""
+    above = canopy(points, points[:, 2], cell_m, 0.0, _SEAM)
     return np.array([*above.heights_m(_SHARE), above.covered_m2, above.volume_m3])
