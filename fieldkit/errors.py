@@ -16,6 +16,8 @@ FieldkitError
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,17 @@ class FieldkitError(Exception):
     def __str__(self) -> str:
         """The problem and the remedy: all that a script or a notebook shows."""
         return f"{self.problem.removesuffix('.')}. {self.remedy}" if self.remedy else self.problem
+
+
+@contextmanager
+def about(path: Path, remedy: str = "") -> Iterator[None]:
+    """Errors within that name no file are of this one, with this remedy where they have none."""
+    try:
+        yield
+    except FieldkitError as error:
+        if error.path is None:
+            error.path, error.remedy = path, error.remedy or remedy
+        raise
 
 
 class UsageError(FieldkitError):

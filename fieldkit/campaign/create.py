@@ -15,7 +15,6 @@ from fieldkit.campaign.reading import (
     CampaignTable,
     ReferenceTable,
     campaign_text,
-    plots_file_of,
     read_campaign,
 )
 from fieldkit.captures.camera_file import read_camera_file
@@ -30,7 +29,7 @@ from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_refe
 from fieldkit.results.visit import CAMPAIGN_FILE, find_campaign
 from fieldkit.sites.fit import other_camera
 from fieldkit.sites.plots_file import read_plots
-from fieldkit.sites.site_file import MAX_BYTES, Tell, load_site, plots_file_beside
+from fieldkit.sites.site_file import MAX_BYTES, Tell, load_site, plots_file_beside, plots_named
 from fieldkit.sites.vector_files import parts_of
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.wording import listed
@@ -117,7 +116,7 @@ def _copy_site(sources: CampaignSources, folder: Path, plot_id: str | None) -> s
     _copy(sources.site, folder / SITE_FILE)
     plots = sources.plots or plots_file_beside(sources.site)
     converted = None if plots is None else read_plots(plots, plot_id).geojson()
-    document = read_versioned(sources.site, "site file", "", MAX_BYTES)
+    document = read_versioned(sources.site, "site file", MAX_BYTES)
     for key in _ZONES:
         named = document.get(key)
         its_own = key == "plots" and converted and not sources.plots
@@ -138,7 +137,7 @@ def _copy_site(sources: CampaignSources, folder: Path, plot_id: str | None) -> s
         write_atomic(target, converted)
         return target.name
     if sources.plots is None:
-        return plots_file_of(sources.site)
+        return plots_named(sources.site)
     _copy(plots, target)
     return target.name
 

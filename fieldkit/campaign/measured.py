@@ -19,7 +19,7 @@ from fieldkit.campaign.reading import Campaign
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.file_bytes import decoded, file_bytes
 from fieldkit.documents.mistaken import as_centimetres
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.figures.content import Column, Table, tabulated
 from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import decimal
@@ -174,11 +174,16 @@ def measured_agreement(campaign: Campaign) -> Agreement | None:
 
 
 def _read(file: Path, campaign: Campaign) -> dict[tuple[str, str], float]:
+    with about(file, _REMEDY):
+        return _heights(file, campaign)
+
+
+def _heights(file: Path, campaign: Campaign) -> dict[tuple[str, str], float]:
     """Heights in metres by plot and date; of several rows the highest, since a plot's height is its highest leaf's."""
-    text = decoded(file_bytes(file, _REMEDY, _MOST_BYTES, noun="table of heights"), file)
+    text = decoded(file_bytes(file, _MOST_BYTES, noun="table of heights"))
     rows = csv.DictReader(io.StringIO(text), delimiter=";" if ";" in text.partition("\n")[0] else ",", restval="")
     if lacking := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
-        raise MetadataError(f"has no column {lacking[0]}", path=file, remedy=_REMEDY)
+        raise MetadataError(f"has no column {lacking[0]}")
     known = {plot.name for plot in campaign.plots} | set(campaign.vanished)
     heights: dict[tuple[str, str], float] = {}
     for row in rows:
@@ -189,18 +194,18 @@ def _read(file: Path, campaign: Campaign) -> dict[tuple[str, str], float]:
         line = f"line {rows.line_num}"
         if plot not in known:
             remedy = "Write plots' names as `fieldkit campaign show` does."
-            raise MetadataError(f'{line}: there is no plot "{plot}"', path=file, remedy=remedy)
+            raise MetadataError(f'{line}: there is no plot "{plot}"', remedy=remedy)
         try:
             key = plot, date.fromisoformat(day).isoformat()
             value = float(height.replace(",", "."))
         except ValueError as error:
-            raise MetadataError(f"{line}: {error}", path=file, remedy=_REMEDY) from error
+            raise MetadataError(f"{line}: {error}") from error
         if not 0.0 <= value <= TALLEST_M:
             slip = as_centimetres(value, TALLEST_M)
-            raise MetadataError(f"{line}: {height} is no height in metres{slip}", path=file, remedy=_REMEDY)
+            raise MetadataError(f"{line}: {height} is no height in metres{slip}")
         heights[key] = max(value, heights.get(key, 0.0))
     if not heights:
-        raise MetadataError("has no height", path=file, remedy=_REMEDY)
+        raise MetadataError("has no height")
     return heights
 
 

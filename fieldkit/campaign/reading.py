@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_versioned, toml_text, validated_toml
-from fieldkit.errors import MetadataError, MissionError
+from fieldkit.errors import MetadataError, MissionError, about
 from fieldkit.evaluation.prediction import prediction_model
 from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import file_beside, named_file
@@ -27,7 +27,7 @@ from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.site import Name, Site, SitePlot
-from fieldkit.sites.site_file import MAX_BYTES, load_site
+from fieldkit.sites.site_file import load_site, plots_named
 from fieldkit.sites.vector_files import read_features
 
 PLANS_FOLDER = "plans"
@@ -79,8 +79,8 @@ class CampaignTable(Strict):
 
 def read_campaign_file(path: Path) -> CampaignTable:
     """Read campaign.toml."""
-    document = read_versioned(path, "campaign", _KEYS_REMEDY, _MAX_BYTES)
-    return validated_toml(CampaignTable, document, path, _KEYS_REMEDY)
+    with about(path, _KEYS_REMEDY):
+        return validated_toml(CampaignTable, read_versioned(path, "campaign", _MAX_BYTES))
 
 
 def campaign_text(table: CampaignTable) -> str:
@@ -249,16 +249,10 @@ def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
     return [plot for report in reports for plot in report.plots]
 
 
-def plots_file_of(site_file: Path) -> str | None:
-    """The file that a site file names for its plots, as it names it; None where it lists them itself."""
-    own = read_versioned(site_file, "site file", _REMEDY, MAX_BYTES).get("plots")
-    return own if isinstance(own, str) else None
-
-
 def _shapes(site_file: Path, plots_file: Path | None) -> dict[int, tuple[tuple[float, float], ...]]:
     """Polygons by the plot's place in the order of the plots file."""
     if plots_file is None:
-        own = plots_file_of(site_file)
+        own = plots_named(site_file)
         plots_file = None if own is None else file_beside(Path(own), site_file)
     if plots_file is None:
         return {}

@@ -22,7 +22,7 @@ from pydantic import Field, TypeAdapter
 
 from fieldkit.captures.tables import read_text
 from fieldkit.documents.toml_file import toml_document, validated
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry import Intrinsics
 from fieldkit.results.fields import Strict
 
@@ -76,26 +76,31 @@ def read_camera_file(path: Path) -> list[CameraEntry]:
 
 def parse_camera_file(text: str, path: Path) -> list[CameraEntry]:
     """As `read_camera_file`, from text; the path's suffix says which format."""
-    if path.suffix.lower() == ".toml":
-        data: Any = toml_document(text, path, _REMEDY)
+    with about(path, _REMEDY):
+        return _parsed(text, path.suffix.lower() == ".toml")
+
+
+def _parsed(text: str, is_toml: bool) -> list[CameraEntry]:
+    if is_toml:
+        data: Any = toml_document(text)
     else:
         try:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise MetadataError(f"cannot be parsed ({error})", path=path, remedy=_REMEDY) from error
+            raise MetadataError(f"cannot be parsed ({error})") from error
     if isinstance(data, list):
         data = {"cameras": data}
     if isinstance(data, dict) and "cameras" in data:
-        cameras = validated(TypeAdapter(_Cameras), data, path, _REMEDY).cameras
+        cameras = validated(TypeAdapter(_Cameras), data).cameras
     else:
-        cameras = (validated(TypeAdapter(_Camera), data, path, _REMEDY),)
-    return [_entry(camera, f"cameras {k}: " if len(cameras) > 1 else "", path) for k, camera in enumerate(cameras, 1)]
+        cameras = (validated(TypeAdapter(_Camera), data),)
+    return [_entry(camera, f"cameras {k}: " if len(cameras) > 1 else "") for k, camera in enumerate(cameras, 1)]
 
 
-def _entry(camera: _Camera, where: str, path: Path) -> CameraEntry:
+def _entry(camera: _Camera, where: str) -> CameraEntry:
     try:
         intrinsics = Intrinsics(camera.model, camera.width, camera.height, camera.params)
     except ValueError as error:
-        raise MetadataError(f"{where}{error}", path=path, remedy=_REMEDY) from error
+        raise MetadataError(f"{where}{error}") from error
     images = (camera.images,) if isinstance(camera.images, str) else camera.images
     return CameraEntry(intrinsics, images, camera.fixed)

@@ -32,7 +32,7 @@ from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses, priors_from_program
 from fieldkit.captures.programs import PosesFile, ProgramPoses, program_of
 from fieldkit.captures.tables import match_names
-from fieldkit.errors import CaptureError, MetadataError
+from fieldkit.errors import CaptureError, about
 from fieldkit.results.finding import Finding
 from fieldkit.vocabulary import DRAWN_BY
 from fieldkit.wording import count
@@ -358,21 +358,16 @@ def _priors(photos: Sequence[Photo], parts: Sequence[Part], program: ProgramPose
             findings += odd
         if not rows:
             continue
-        try:
+        with about(next(part.sidecars[kind] for part in parts if kind in part.sidecars)):
             priors = made(photos, rows)
             findings += against_gps(photos, priors.priors, priors.origin, kind)
-        except MetadataError as error:
-            path = next(part.sidecars[kind] for part in parts if kind in part.sidecars)
-            raise MetadataError(error.message, path=error.path or path, remedy=error.remedy) from error
         if kind == "poses.csv" and any(part.whole and "geo.txt" in part.sidecars for part in parts):
             findings.append(Finding("geo.txt", "sidecar-unused", "poses.csv is used instead"))
         return replace(priors, findings=(*findings, *priors.findings))
     if program is not None and program.metric:
         priors = priors_from_program(photos, program)
-        try:
+        with about(program.path):
             odd = against_gps(photos, priors.priors, priors.origin, program.path.name)
-        except MetadataError as error:
-            raise MetadataError(error.message, path=program.path, remedy=error.remedy) from error
         return replace(priors, findings=(*priors.findings, *odd))
     return priors_from_gps(photos)
 

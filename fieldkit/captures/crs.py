@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,20 +26,20 @@ _SATELLITE_M = 0.5
 """Semi-major axes of datums that satellites gave differ from that by less."""
 
 
-def parse_crs(text: str, path: Path | None, *, said: str = "") -> Any:
+def parse_crs(text: str, *, said: str = "") -> Any:
     """The CRS of pyproj of a code, a WKT or a PROJ string."""
     try:
         from pyproj import CRS
         from pyproj.exceptions import CRSError
     except ImportError as error:
         raise MetadataError(
-            f"{text[:40]} needs pyproj", path=path, remedy="Install it with: pip install 'fieldkit[geo]'."
+            f"{text[:40]} needs pyproj", remedy="Install it with: pip install 'fieldkit[geo]'."
         ) from error
     try:
         return CRS.from_user_input(text)
     except CRSError as error:
         message = f"{said or repr(text[:60])} is no coordinate system pyproj knows"
-        raise MetadataError(message, path=path, remedy=_REMEDY) from error
+        raise MetadataError(message, remedy=_REMEDY) from error
 
 
 def height_datum(crs: Any) -> str:
@@ -58,25 +57,24 @@ def height_unit_m(crs: Any) -> tuple[float, bool]:
     return 1.0 if abs(factor - 1.0) < 1e-9 else factor, stated  # a metre's own factor is 1 but for rounding
 
 
-def to_geodetic(points: FloatArray, crs: Any, path: Path | None) -> tuple[FloatArray, list[Finding]]:
+def to_geodetic(points: FloatArray, crs: Any, subject: str) -> tuple[FloatArray, list[Finding]]:
     """WGS 84 latitude, longitude (degrees) and height (metres, above the system's own datum) of points (n, 3).
 
-    With them comes a finding where the system's datum is not WGS 84; without a path it is geo.txt's. x is east or the
+    With them comes a finding on ``subject`` where the system's datum is not WGS 84. x is east or the
     longitude. Heights are in the system's unit for them, else in that of x and y; beside degrees in metres. Raises
     MetadataError as `to_wgs84` does.
     """
-    transformer, said = to_wgs84(points, crs, path)
+    transformer, said = to_wgs84(points, crs)
     if crs.is_geocentric:
         longitude, latitude, height = (np.asarray(v) for v in transformer.transform(*points.T))
     else:
         longitude, latitude = transformer.transform(*points[:, :2].T)
         height = points[:, 2] * height_unit_m(crs)[0]
-    subject = "geo.txt" if path is None else path.name
     geodetic = np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
     return geodetic, [Finding(subject, "gps-datum", said)] if said else []
 
 
-def to_wgs84(points: FloatArray, crs: Any, path: Path | None) -> tuple[Any, str]:
+def to_wgs84(points: FloatArray, crs: Any) -> tuple[Any, str]:
     """Pyproj's best transformation to WGS 84 where points (n, 2 or 3) lie, and its accuracy in words.
 
     x is east or the longitude. The words are empty where the datum is WGS 84. Datums of satellites' ellipsoid (GDA94,
@@ -95,7 +93,6 @@ def to_wgs84(points: FloatArray, crs: Any, path: Path | None) -> tuple[Any, str]
     if not np.isfinite(about).all() or np.abs(about[1]).max(initial=0.0) > 90.0:
         raise MetadataError(
             f"coordinates such as {', '.join(f'{v:.6g}' for v in points[0])} do not lie in {crs.name}",
-            path=path,
             remedy="Check which coordinate system they are in; x is east or the longitude.",
         )
     (west, south), (east, north) = (np.median(about[:2], axis=1) + side for side in (-_AREA_DEG, _AREA_DEG))
@@ -117,13 +114,11 @@ def to_wgs84(points: FloatArray, crs: Any, path: Path | None) -> tuple[Any, str]
         if not group.best_available:
             raise MetadataError(
                 f"is in {crs.name}; without the grid {' and '.join(grids)} PROJ takes that to WGS 84 only {good_to}",
-                path=path,
                 remedy=_GRID_REMEDY.format(" ".join(f"--file {grid}" for grid in grids)),
             )
         if best.accuracy < 0.0:
             raise MetadataError(
                 f"is in {crs.name}, whose datum PROJ cannot take to WGS 84",
-                path=path,
                 remedy="Name the system by its EPSG code, or export the coordinates as WGS 84 (EPSG:4326).",
             )
     return best, (
@@ -140,18 +135,18 @@ def frame_about(geodetic: FloatArray, datum: str) -> LocalFrame:
 
 
 def local_from_crs(
-    poses: Mapping[str, Pose], crs: Any, path: Path
+    poses: Mapping[str, Pose], crs: Any, subject: str
 ) -> tuple[LocalFrame, dict[str, Pose], list[Finding]]:
     """A local frame, poses in it whose centres are a system's coordinates, and what is to be known of these.
 
     Orientations are of a geocentric system in its axes, else against the grid's east, north and up at each camera.
     """
     centers = np.array([pose.center for pose in poses.values()])
-    geodetic, odd = to_geodetic(centers, crs, path)
+    geodetic, odd = to_geodetic(centers, crs, subject)
     if crs.is_geocentric:
         origin, local = _local_from_axes(poses, geodetic, height_datum(crs))
     else:
-        headings = _grid_headings(centers, geodetic, crs, path)
+        headings = _grid_headings(centers, geodetic, crs)
         origin, local = local_from_geodetic(poses, geodetic, headings, height_datum(crs))
     return origin, local, odd
 
@@ -192,11 +187,11 @@ def local_from_geodetic(
     return frame, placed
 
 
-def _grid_headings(points: FloatArray, geodetic: FloatArray, crs: Any, path: Path) -> FloatArray:
+def _grid_headings(points: FloatArray, geodetic: FloatArray, crs: Any) -> FloatArray:
     """Heading of a system's +y at points (n, 3), which are also given geodetic; radians clockwise from true north."""
     if crs.is_geographic:
         return np.zeros(len(points))
     step = np.array([0.0, _STEP_M / float(crs.axis_info[0].unit_conversion_factor), 0.0])
-    there, _ = to_geodetic(points + step, crs, path)
+    there, _ = to_geodetic(points + step, crs, "")
     norths = [LocalFrame(*at).to_local(*to)[0] for at, to in zip(geodetic.tolist(), there, strict=True)]
     return np.array([np.arctan2(north[0], north[1]) for north in norths])

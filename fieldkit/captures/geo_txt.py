@@ -21,7 +21,7 @@ from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.model import GeoTag
 from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.documents.mistaken import DEGREES, SWAPPED, look_like_degrees, look_swapped
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
@@ -50,36 +50,36 @@ class GeoRow(GeoTag):
 
 def read_geo_txt(path: Path) -> tuple[list[GeoRow], list[Finding]]:
     """The rows of a geo.txt in WGS 84 and what is odd about it."""
-    return parse_geo_txt(read_text(path), path)
+    with about(path, f"Expected {_LAYOUT}."):
+        return parse_geo_txt(read_text(path))
 
 
-def parse_geo_txt(text: str, path: Path | None = None) -> tuple[list[GeoRow], list[Finding]]:
-    """As `read_geo_txt`, from text; ``path`` is for messages."""
+def parse_geo_txt(text: str) -> tuple[list[GeoRow], list[Finding]]:
+    """As `read_geo_txt`, from text."""
     lines = text.split("\n")
     header = lines[0].strip()
     if not header:
-        raise MetadataError("line 1 is empty", path=path, remedy=_HEADER_REMEDY)
-    projection = _projection(header, path)
+        raise MetadataError("line 1 is empty", remedy=_HEADER_REMEDY)
+    projection = _projection(header)
     findings: list[Finding] = []
     kept: dict[str, tuple[int, GeoRow]] = {}
     for number, line in enumerate(lines[1:], 2):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        row = _read_row(line.split(), number, path)
-        if odd := keep_row(kept, row.image, row, number, "position", path):
+        row = _read_row(line.split(), number)
+        if odd := keep_row(kept, row.image, row, number, "position"):
             findings.append(Finding(row.image, "pose-repeated", odd))
     if not kept:
-        raise MetadataError("no photograph is listed", path=path, remedy=f"Expected lines of {_LAYOUT}.")
+        raise MetadataError("no photograph is listed")
     numbered = list(kept.values())
     if projection is not None:
-        numbered = _to_geographic(numbered, projection, header, path, findings)
+        numbered = _to_geographic(numbered, projection, header, findings)
     for number, row in numbered:
         if not on_earth(row.latitude_deg, row.longitude_deg):
             swapped = look_swapped(row.latitude_deg, row.longitude_deg)
             where = f"longitude {row.longitude_deg:.6g}, latitude {row.latitude_deg:.6g}"
             raise MetadataError(
                 f"line {number}: {row.image} lies at {where}",
-                path=path,
                 remedy=SWAPPED.remedy if swapped else "Check that the projection fits the coordinates.",
             )
     if any(row.has_angles for _, row in numbered):
@@ -88,13 +88,13 @@ def parse_geo_txt(text: str, path: Path | None = None) -> tuple[list[GeoRow], li
     return [row for _, row in numbered], findings
 
 
-def _projection(header: str, path: Path | None) -> str | None:
+def _projection(header: str) -> str | None:
     """What pyproj is to be given for the header, or None for WGS 84 longitude and latitude."""
     utm = _UTM.fullmatch(header)
     if utm is not None:
         zone = int(utm[1])
         if not 1 <= zone <= 60:
-            raise MetadataError(f"line 1: there is no UTM zone {zone}", path=path, remedy=_HEADER_REMEDY)
+            raise MetadataError(f"line 1: there is no UTM zone {zone}", remedy=_HEADER_REMEDY)
         return f"EPSG:{(32600 if utm[2].upper() == 'N' else 32700) + zone}"
     if _GEOGRAPHIC.fullmatch(header):
         return None
@@ -104,17 +104,17 @@ def _projection(header: str, path: Path | None) -> str | None:
         return None if plain else f"EPSG:{code[1]}{code[2] or ''}"
     if header.lower().startswith("+proj="):
         return header
-    raise MetadataError(f"line 1: {header[:60]!r} names no projection", path=path, remedy=_HEADER_REMEDY)
+    raise MetadataError(f"line 1: {header[:60]!r} names no projection", remedy=_HEADER_REMEDY)
 
 
-def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
+def _read_row(fields: list[str], line: int) -> GeoRow:
     # Names with blanks: join what comes before the first two numbers, unless the first word is a file name already.
     start = 1
     if PurePosixPath(fields[0]).suffix.lower() not in PHOTO_SUFFIXES:
         start = next((i for i in range(1, len(fields) - 1) if None not in map(parse_number, fields[i : i + 2])), start)
     name, rest = " ".join(fields[:start]), fields[start:]
     if len(rest) < 2:
-        raise MetadataError(f"line {line} has {count(len(fields), 'field')}", path=path, remedy=f"Expected {_LAYOUT}.")
+        raise MetadataError(f"line {line} has {count(len(fields), 'field')}")
     values: list[float] = []
     for position, text in enumerate(rest[:8]):
         value = parse_number(text)
@@ -124,9 +124,7 @@ def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
                 values = values[:6]
                 break
             column = ("x", "y", "z", "yaw", "pitch", "roll")[position]
-            raise MetadataError(
-                f"line {line}, column {column}: {text[:40]!r} is not a number", path=path, remedy=f"Expected {_LAYOUT}."
-            )
+            raise MetadataError(f"line {line}, column {column}: {text[:40]!r} is not a number")
         values.append(value)
     accuracies = values[6:8] if len(values) == 8 else []
     positive = [a if a > 0 else None for a in accuracies] or [None, None]
@@ -142,24 +140,23 @@ def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
 
 
 def _to_geographic(
-    numbered: list[tuple[int, GeoRow]], projection: str, header: str, path: Path | None, findings: list[Finding]
+    numbered: list[tuple[int, GeoRow]], projection: str, header: str, findings: list[Finding]
 ) -> list[tuple[int, GeoRow]]:
-    crs = parse_crs(projection, path, said=f"line 1: {header[:60]!r}")
+    crs = parse_crs(projection, said=f"line 1: {header[:60]!r}")
     low = next((number for number, row in numbered if row.altitude_m is None), None)
     if crs.is_geocentric and low is not None:
         message = f"line {low}: geocentric coordinates need z"
-        raise MetadataError(message, path=path, remedy=f"Expected {_LAYOUT}.")
+        raise MetadataError(message)
     points = np.array([(row.longitude_deg, row.latitude_deg, row.altitude_m or 0.0) for _, row in numbered])
     if crs.is_projected and look_like_degrees(*points[:, :2].T):
         message = f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}"
-        raise MetadataError(message, path=path, remedy=DEGREES.remedy)
-    geodetic, odd = to_geodetic(points, crs, path)
+        raise MetadataError(message, remedy=DEGREES.remedy)
+    geodetic, odd = to_geodetic(points, crs, "geo.txt")
     findings += odd
     unit, stated = height_unit_m(crs)
     if unit != 1.0 and not stated and any(row.altitude_m is not None for _, row in numbered):
         raise MetadataError(
             f"x and y are in feet, and {header[:60]} does not say whether heights are, too",
-            path=path,
             remedy="Name a system with heights, like EPSG:26849+6360 (US survey feet) or EPSG:26849+5703 (metres).",
         )
     found = []

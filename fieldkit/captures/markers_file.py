@@ -22,6 +22,7 @@ from pydantic.dataclasses import dataclass
 
 from fieldkit.captures.tables import read_text
 from fieldkit.documents.toml_file import toml_document, validated
+from fieldkit.errors import about
 from fieldkit.results.fields import STRICT
 
 _REMEDY = "Expected dictionary, then side_m or [[distance]] tables with a, b and distance_m (metres), or both."
@@ -106,9 +107,10 @@ def _dictionary_names() -> list[str]:
 
 def read_markers_file(path: Path) -> MarkersFile:
     """The content of a markers.toml."""
-    return parse_markers_file(read_text(path), path)
+    with about(path, _REMEDY):
+        return parse_markers_file(read_text(path))
 
 
-def parse_markers_file(text: str, path: Path | None = None) -> MarkersFile:
-    """As `read_markers_file`, from text; ``path`` is for messages."""
-    return validated(TypeAdapter(MarkersFile), toml_document(text, path, _REMEDY), path, _REMEDY)
+def parse_markers_file(text: str) -> MarkersFile:
+    """As `read_markers_file`, from text."""
+    return validated(TypeAdapter(MarkersFile), toml_document(text))

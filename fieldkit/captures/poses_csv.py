@@ -20,7 +20,7 @@ import numpy as np
 
 from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.documents.csv_text import on_one_line
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.geometry.priors import POSITION_SIGMA_M, PosePrior
@@ -117,44 +117,45 @@ def poses_table(rows: Sequence[PoseRow]) -> str:
 
 def read_poses_csv(path: Path) -> tuple[list[PoseRow], list[Finding]]:
     """The rows of a poses.csv and what is odd about it."""
-    return parse_poses_csv(read_text(path), path)
+    with about(path, f"Expected {LAYOUT}."):
+        return parse_poses_csv(read_text(path))
 
 
-def parse_poses_csv(text: str, path: Path | None = None) -> tuple[list[PoseRow], list[Finding]]:
-    """As `read_poses_csv`, from text; ``path`` is for messages."""
+def parse_poses_csv(text: str) -> tuple[list[PoseRow], list[Finding]]:
+    """As `read_poses_csv`, from text."""
     numbered = [(n, line) for n, line in enumerate(text.split("\n"), 1) if line.strip()]
     lines = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
     # Metashape and Pix4D put "#" before the column names; the last such line above the first row counts.
     above = [(n, line) for n, line in numbered if line.lstrip().startswith("#") and (not lines or n < lines[0][0])]
     for number, line in reversed(above):
         bare = line.lstrip().lstrip("#")
-        if names_an_image(_split(bare, _delimiter(bare), number, path, lenient=True)):
+        if names_an_image(_split(bare, _delimiter(bare), number, lenient=True)):
             lines.insert(0, (number, bare))
             break
     if not lines:
-        raise MetadataError("the file is empty", path=path, remedy=f"Expected {LAYOUT}.")
+        raise MetadataError("the file is empty")
     delimiter = _delimiter(lines[0][1])
-    header = _split(lines[0][1], delimiter, lines[0][0], path)
+    header = _split(lines[0][1], delimiter, lines[0][0])
     if any(parse_number(field) is not None for field in header):
-        raise MetadataError("the first line has no column names", path=path, remedy=f"Put a header first: {LAYOUT}.")
-    columns, findings = read_columns(header, path)
-    fields = [(number, _fields(line, delimiter, columns, number, path)) for number, line in lines[1:]]
+        raise MetadataError("the first line has no column names", remedy=f"Put a header first: {LAYOUT}.")
+    columns, findings = read_columns(header)
+    fields = [(number, _fields(line, delimiter, columns, number)) for number, line in lines[1:]]
     numeric = [k for key, k in columns.index.items() if key != "image"] + [k for k, _ in columns.accuracies]
     comma = not any("." in row[k] for _, row in fields for k in numeric if k < len(row))
     rows: dict[str, tuple[int, PoseRow]] = {}
     decimals = 0
     for number, row_fields in fields:
-        row = _read_row(row_fields, columns, number, comma, path)
+        row = _read_row(row_fields, columns, number, comma)
         if row is None:
             continue
         decimals = max(decimals, _decimals(row_fields, columns))
-        if odd := keep_row(rows, row.image, row, number, "pose", path):
+        if odd := keep_row(rows, row.image, row, number, "pose"):
             findings.append(Finding(row.image, "pose-repeated", odd))
     if not rows:
-        raise MetadataError("there is a header but no line below it", path=path, remedy=f"Expected {LAYOUT}.")
+        raise MetadataError("there is a header but no line below it")
     found = [row for _, row in rows.values()]
     if decimals >= _DEGREES_DECIMALS and not columns.geographic:
-        _refuse_degrees(found, path)
+        _refuse_degrees(found)
     return found, findings
 
 
@@ -162,7 +163,7 @@ def _delimiter(header: str) -> str:
     return next((mark for mark in (";", "\t", ",") if mark in header), " ")
 
 
-def _split(line: str, delimiter: str, number: int, path: Path | None, *, lenient: bool = False) -> list[str]:
+def _split(line: str, delimiter: str, number: int, *, lenient: bool = False) -> list[str]:
     if delimiter == " ":
         return line.split()
     try:
@@ -170,23 +171,20 @@ def _split(line: str, delimiter: str, number: int, path: Path | None, *, lenient
     except (csv.Error, StopIteration) as error:
         if lenient:
             return []
-        raise MetadataError(f"line {number}: {error}", path=path, remedy="Check the quotes on this line.") from error
+        raise MetadataError(f"line {number}: {error}", remedy="Check the quotes on this line.") from error
 
 
-def _fields(line: str, delimiter: str, columns: PoseColumns, number: int, path: Path | None) -> list[str]:
-    fields = _split(line, delimiter, number, path)
+def _fields(line: str, delimiter: str, columns: PoseColumns, number: int) -> list[str]:
+    fields = _split(line, delimiter, number)
     extra = len(fields) - columns.count
     if delimiter == " " and extra > 0 and columns.index["image"] == 0:  # a name with blanks
         fields = [" ".join(fields[: extra + 1]), *fields[extra + 1 :]]
     while len(fields) > columns.count and not fields[-1]:
         fields.pop()
     if len(fields) > columns.count:
-        remedy = f"Expected {LAYOUT}."
-        if delimiter == ",":
-            remedy = "With decimal commas, separate the fields by semicolons; a name with a comma needs quotes."
-        raise MetadataError(
-            f"line {number} has {count(len(fields), 'field')}, the header {columns.count}", path=path, remedy=remedy
-        )
+        commas = "With decimal commas, separate the fields by semicolons; a name with a comma needs quotes."
+        message = f"line {number} has {count(len(fields), 'field')}, the header {columns.count}"
+        raise MetadataError(message, remedy=commas if delimiter == "," else "")
     return fields
 
 
@@ -196,7 +194,7 @@ def _decimals(fields: Sequence[str], columns: PoseColumns) -> int:
     return min(len(text.replace(",", ".").partition(".")[2]) for text in plane)
 
 
-def _refuse_degrees(rows: Sequence[PoseRow], path: Path | None) -> None:
+def _refuse_degrees(rows: Sequence[PoseRow]) -> None:
     """Longitude and latitude under the names x and y: a whole flight would be a millimetre wide."""
     plane = np.array([row.position[:2] for row in rows])
     extent = np.ptp(plane, axis=0)
@@ -207,12 +205,11 @@ def _refuse_degrees(rows: Sequence[PoseRow], path: Path | None) -> None:
     x, y = rows[0].position[:2]
     raise MetadataError(
         f"x and y look like degrees, not metres ({x:.6f}, {y:.6f}; all photographs within {extent.max():.2g})",
-        path=path,
         remedy="Name the columns longitude, latitude and altitude if they are degrees, or give x, y, z in metres.",
     )
 
 
-def _read_row(fields: Sequence[str], columns: PoseColumns, line: int, comma: bool, path: Path | None) -> PoseRow | None:
+def _read_row(fields: Sequence[str], columns: PoseColumns, line: int, comma: bool) -> PoseRow | None:
     """A line's pose; None where it gives a photograph no position at all."""
 
     def field(position: int | None) -> str:
@@ -228,17 +225,16 @@ def _read_row(fields: Sequence[str], columns: PoseColumns, line: int, comma: boo
         if value is None:
             raise MetadataError(
                 f"{what}: {text[:40]!r} is not a number" if text else f"{what} is empty",
-                path=path,
                 remedy="Write plain numbers such as 1.25, all with one decimal mark, none between thousands; leave a "
                 "line out when a position is not known.",
             )
         if not low <= value <= high:
-            raise MetadataError(f"{what}: {value:g} is outside {low:g} … {high:g}", path=path, remedy="Check the unit.")
+            raise MetadataError(f"{what}: {value:g} is outside {low:g} … {high:g}", remedy="Check the unit.")
         return value
 
     image = field(columns.index["image"])
     if not image:
-        raise MetadataError(f"line {line}: no image name", path=path, remedy=f"Expected {LAYOUT}.")
+        raise MetadataError(f"line {line}: no image name")
     if len(fields) == columns.count and not any(field(columns.index[key]) for key in columns.coordinates):
         return None
     deviations = [(number(k, "accuracy"), unit, k) for k, unit in columns.accuracies]
@@ -246,7 +242,6 @@ def _read_row(fields: Sequence[str], columns: PoseColumns, line: int, comma: boo
         if value is not None and value <= 0:
             raise MetadataError(
                 f"line {line}, column {columns.names[k]}: {value:g} is not positive",
-                path=path,
                 remedy="Give one standard deviation in metres, or leave the field empty.",
             )
     first, second, up = (float(number(columns.index[key], key, needed=True) or 0.0) for key in columns.coordinates)
@@ -286,7 +281,7 @@ class PoseColumns:
         return ("longitude", "latitude", "z") if self.geographic else ("x", "y", "z")
 
 
-def read_columns(fields: Sequence[str], path: Path | None) -> tuple[PoseColumns, list[Finding]]:
+def read_columns(fields: Sequence[str]) -> tuple[PoseColumns, list[Finding]]:
     """The columns that a header names, and a finding for those that are not used."""
     index: dict[str, int] = {}
     units: dict[str, float] = {}
@@ -299,7 +294,7 @@ def read_columns(fields: Sequence[str], path: Path | None) -> tuple[PoseColumns,
         elif key is None:
             unused += [field] if field else []
         elif key in index:
-            raise MetadataError(f"column {key} appears twice", path=path, remedy=f"Expected {LAYOUT}.")
+            raise MetadataError(f"column {key} appears twice")
         else:
             index[key] = position
             if unit is not None:
@@ -307,13 +302,13 @@ def read_columns(fields: Sequence[str], path: Path | None) -> tuple[PoseColumns,
     plane = ("longitude", "latitude") if {"longitude", "latitude"} & set(index) else ("x", "y")
     missing = [key for key in ("image", *plane, "z") if key not in index]
     if missing:
-        raise MetadataError(f"no column {', '.join(missing)}", path=path, remedy=f"Expected {LAYOUT}.")
+        raise MetadataError(f"no column {', '.join(missing)}")
     if plane[0] != "x" and {"x", "y"} & set(index):
         # Beside degrees, as some exports have both, projected coordinates say nothing more.
         unused += [fields[index.pop(key)] for key in ("x", "y") if key in index]
     lengths = {units[key] for key in (*plane, "z") if key in units and key in ("x", "y", "z")}
     if len(lengths) > 1:
-        raise MetadataError("x, y and z are in different units", path=path, remedy="Give all three in metres.")
+        raise MetadataError("x, y and z are in different units", remedy="Give all three in metres.")
     findings = []
     if unused:
         listed = ", ".join(repr(name[:80]) for name in unused[:8]) + (" …" if len(unused) > 8 else "")

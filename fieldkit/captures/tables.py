@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.documents.file_bytes import file_bytes
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 
 _MAX_BYTES = 64 << 20
 """Largest table that is read, bytes."""
@@ -24,10 +24,11 @@ Row = TypeVar("Row")
 
 def read_text(path: Path) -> str:
     """A sidecar's text: UTF-8 with or without a byte order mark, or UTF-16 with one; line ends become newlines."""
-    return decode_text(file_bytes(path, "Check that it is the right file.", _MAX_BYTES, noun="sidecar"), path)
+    with about(path, "Check that it is the right file."):
+        return decode_text(file_bytes(path, _MAX_BYTES, noun="sidecar"))
 
 
-def decode_text(data: bytes, path: Path | None = None) -> str:
+def decode_text(data: bytes) -> str:
     """As `read_text`, from bytes."""
     utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
@@ -35,7 +36,7 @@ def decode_text(data: bytes, path: Path | None = None) -> str:
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise MetadataError(
-            f"line {line} is not UTF-8 text", path=path, remedy="Save the file as UTF-8 (in Excel: CSV UTF-8)."
+            f"line {line} is not UTF-8 text", remedy="Save the file as UTF-8 (in Excel: CSV UTF-8)."
         ) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
@@ -49,13 +50,12 @@ def parse_number(text: str, *, decimal_comma: bool = False) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, what: str, path: Path | None) -> str:
+def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, what: str) -> str:
     """Keep what a line says of a photograph, with the line's number; returns what is odd about it, "" for nothing."""
     first, earlier = kept.setdefault(name, (line, row))
     if earlier != row:
         raise MetadataError(
             f"line {line}: {name} is listed again with another {what} (first on line {first})",
-            path=path,
             remedy="Keep one line per photograph.",
         )
     return "" if first == line else f"listed twice (lines {first} and {line})"

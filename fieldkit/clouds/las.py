@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fieldkit.arrays import ByteArray, Float32Array, FloatArray
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.errors import CloudError
+from fieldkit.errors import CloudError, about
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
 
@@ -33,7 +33,7 @@ _VERTICAL_UNITS = 4099
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}  # by EPSG code: metre, foot, US survey foot
 _NOISE = (7, 18)  # classes of low and high noise
 _CREATION_DATE = slice(90, 94)  # of the header: day of year and year
-_DAMAGED = "The file is damaged or was not copied completely: copy or export it again."
+DAMAGED = "The file is damaged or was not copied completely: copy or export it again."
 _LEAST_HEADER = 227  # bytes, LAS 1.0 to 1.2
 _RECORD_HEADER = 54
 """Bytes before the content of a variable length record (LAS 1.4)."""
@@ -72,11 +72,16 @@ def read_las(path: Path) -> LasCloud:
     points, which are deleted ones, are left out (ASPRS LAS 1.4 R15, tables 8 and 17). Coordinates in feet, as its
     reference system or its GeoTIFF keys state them, become metres.
     """
-    laspy = _laspy(path)
-    path = Path(path)
+    with opened(Path(path)) as file, about(path, DAMAGED), _damage_reported():
+        return _read(_laspy(), file)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """A cloud's file; errors within are of it."""
     try:
-        with open_regular(path) as file, _damage_reported(path):
-            return _read(laspy, file, path)
+        with about(path), open_regular(path) as file:
+            yield file
     except OSError as error:
         reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
@@ -93,13 +98,14 @@ def write_las(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
         cloud: in the coordinates of the reference system.
         crs_epsg: EPSG code of a projected system in metres, such as 32632 (see `geodesy.utm_epsg`).
     """
-    path = Path(path)
-    laspy = _laspy(path)
+    with about(path := Path(path)):
+        laspy = _laspy()
+        crs = None if crs_epsg is None else _projected_crs(crs_epsg)
     header = laspy.LasHeader(version="1.4", point_format=7)
     header.generating_software = "fieldkit"
     header.offsets, header.scales = _grid(cloud.points)
-    if crs_epsg is not None:
-        header.add_crs(_projected_crs(crs_epsg, path))
+    if crs is not None:
+        header.add_crs(crs)
     if cloud.normals is not None:
         header.add_extra_dims([laspy.ExtraBytesParams(name=name, type=np.float32) for name in _NORMALS])
     las = laspy.LasData(header)
@@ -120,21 +126,20 @@ def write_las(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
     write_atomic(path, bytes(data))
 
 
-def _laspy(path: Path) -> Any:
+def _laspy() -> Any:
     try:
         import laspy
         import lazrs  # noqa: F401
     except ImportError as error:
         raise CloudError(
             "LAS and LAZ files need laspy with lazrs, which are not installed",
-            path=path,
             remedy="Install them with: pip install 'fieldkit[geo]'",
         ) from error
     return laspy
 
 
 @contextmanager
-def _damage_reported(path: Path) -> Iterator[None]:
+def _damage_reported() -> Iterator[None]:
     """Turn whatever the LAS libraries raise about a file's content into a CloudError."""
     try:
         yield
@@ -142,16 +147,16 @@ def _damage_reported(path: Path) -> Iterator[None]:
         raise
     except Exception as error:
         detail = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise CloudError(f"cannot be read as LAS: {detail}", path=path, remedy=_DAMAGED) from error
+        raise CloudError(f"cannot be read as LAS: {detail}") from error
     except BaseException as error:
         # A panic in lazrs' Rust code is not an Exception; Ctrl-C and the like pass.
         if type(error).__name__ != "PanicException":
             raise
-        raise CloudError("cannot be read as LAS: its compression is damaged", path=path, remedy=_DAMAGED) from error
+        raise CloudError("cannot be read as LAS: its compression is damaged") from error
 
 
-def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
-    _check_sizes(file, path)
+def _read(laspy: Any, file: BinaryIO) -> LasCloud:
+    _check_sizes(file)
     with laspy.open(file, closefd=False, laz_backend=laspy.LazBackend.Lazrs, encoding_errors="replace") as reader:
         header = reader.header
         names = set(header.point_format.dimension_names)
@@ -172,15 +177,15 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
             if len(whole) < _CHUNK_POINTS:
                 break  # the last one, or the file ends early
         if count != header.point_count:
-            raise CloudError(f"ends after {count} of {header.point_count} points", path=path, remedy=_DAMAGED)
+            raise CloudError(f"ends after {count} of {header.point_count} points")
         xyz = np.concatenate(points) if points else np.zeros((0, 3))
         if not np.isfinite(xyz).all():
-            raise CloudError("has coordinates that are not finite", path=path, remedy=_DAMAGED)
+            raise CloudError("has coordinates that are not finite")
         oriented = np.concatenate(normals) if normals else None
         if oriented is not None:
             oriented[~np.isfinite(oriented).all(axis=1)] = 0.0
         crs = _crs(header)
-        units = _units(header, crs, path)
+        units = _units(header, crs)
         metres = (units == 1.0).all()
         cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
         epsg = crs.to_epsg() if crs is not None and metres else None
@@ -188,7 +193,7 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])), step, left_out)
 
 
-def _check_sizes(file: BinaryIO, path: Path) -> None:
+def _check_sizes(file: BinaryIO) -> None:
     """Refuse a file that promises more than it can hold (ASPRS LAS 1.4 R15, tables 3, 7 and 24), and go to its start.
 
     laspy and lazrs take the numbers of records and chunks as promised and reserve memory for them. A damaged number
@@ -198,50 +203,50 @@ def _check_sizes(file: BinaryIO, path: Path) -> None:
     file.seek(0)
     header = file.read(375)
     if len(header) < _LEAST_HEADER:
-        raise CloudError("ends within its header", path=path, remedy=_DAMAGED)
+        raise CloudError("ends within its header")
     header_size, points, records = struct.unpack_from("<HII", header, 94)
     if not _LEAST_HEADER <= header_size <= points <= size:
-        raise CloudError("has a header that contradicts the file's size", path=path, remedy=_DAMAGED)
+        raise CloudError("has a header that contradicts the file's size")
     if records * _RECORD_HEADER > points - header_size:
-        raise CloudError(f"promises {records} records, more than it can hold", path=path, remedy=_DAMAGED)
+        raise CloudError(f"promises {records} records, more than it can hold")
     if header[25] >= 4 and len(header) == 375:
         first, count = struct.unpack_from("<QI", header, 235)
-        _check_extended_records(file, first, count, size, path)
+        _check_extended_records(file, first, count, size)
     (record,) = struct.unpack_from("<H", header, 105)
     (count,) = struct.unpack_from("<I", header, 107)
     if header[25] >= 4 and len(header) == 375:
         (count,) = struct.unpack_from("<Q", header, 247)
     if header[104] & 0x80:  # the point format's top bit says "compressed"
-        _check_chunk_table(file, points, size, path)
+        _check_chunk_table(file, points, size)
         room = max(_FREE_BYTES, _MAX_RATIO * (size - points))
     else:
         room = size - points
     if count * record > room:
-        raise CloudError(f"promises {count:,} points, more than it can hold", path=path, remedy=_DAMAGED)
+        raise CloudError(f"promises {count:,} points, more than it can hold")
     file.seek(0)
 
 
-def _check_extended_records(file: BinaryIO, position: int, count: int, size: int, path: Path) -> None:
+def _check_extended_records(file: BinaryIO, position: int, count: int, size: int) -> None:
     for _ in range(count):
         if position + _EXTENDED_RECORD_HEADER > size:
-            raise CloudError("promises extended records it does not hold", path=path, remedy=_DAMAGED)
+            raise CloudError("promises extended records it does not hold")
         file.seek(position + 20)
         (length,) = struct.unpack("<Q", file.read(8))
         position += _EXTENDED_RECORD_HEADER + length
         if position > size:
-            raise CloudError("promises extended records it does not hold", path=path, remedy=_DAMAGED)
+            raise CloudError("promises extended records it does not hold")
 
 
-def _check_chunk_table(file: BinaryIO, points: int, size: int, path: Path) -> None:
+def _check_chunk_table(file: BinaryIO, points: int, size: int) -> None:
     table = _signed(file, points)
     if table == -1:  # written to a stream: the offset stands at the end
         table = _signed(file, size - 8)
     if not points < table <= size - 8:
-        raise CloudError("has no table of its compressed chunks", path=path, remedy=_DAMAGED)
+        raise CloudError("has no table of its compressed chunks")
     file.seek(table + 4)
     chunks = int.from_bytes(file.read(4), "little")
     if chunks * _LEAST_CHUNK_BYTES > size:
-        raise CloudError(f"promises {chunks} compressed chunks, more than it can hold", path=path, remedy=_DAMAGED)
+        raise CloudError(f"promises {chunks} compressed chunks, more than it can hold")
 
 
 def _signed(file: BinaryIO, position: int) -> int:
@@ -266,13 +271,12 @@ def _crs(header: Any) -> Any:
         return None
 
 
-def _units(header: Any, crs: Any, path: Path) -> FloatArray:
+def _units(header: Any, crs: Any) -> FloatArray:
     """Metres per unit of x, y and z (3,). Heights are in the plane's unit where nothing else is said of them."""
     axes = [] if crs is None else crs.axis_info
     if axes and crs.is_geographic:
         raise CloudError(
             f"has its points in degrees ({crs.name})",
-            path=path,
             remedy="Reproject it to a projected system in metres, such as UTM.",
         )
     plane = float(axes[0].unit_conversion_factor) if axes else 1.0
@@ -299,16 +303,16 @@ def _unit_keys(header: Any) -> dict[int, float]:
     }
 
 
-def _projected_crs(epsg: int, path: Path) -> Any:
+def _projected_crs(epsg: int) -> Any:
     import pyproj
 
     remedy = "Give the code of a projected system in metres, such as 32632 for UTM zone 32 north."
     try:
         crs = pyproj.CRS.from_epsg(epsg)
     except pyproj.exceptions.CRSError as error:
-        raise CloudError(f"EPSG:{epsg} is not a known coordinate reference system", path=path, remedy=remedy) from error
+        raise CloudError(f"EPSG:{epsg} is not a known coordinate reference system", remedy=remedy) from error
     if not crs.is_projected or any(axis.unit_name != "metre" for axis in crs.axis_info):
-        raise CloudError(f"EPSG:{epsg} ({crs.name}) is not a projected system in metres", path=path, remedy=remedy)
+        raise CloudError(f"EPSG:{epsg} ({crs.name}) is not a projected system in metres", remedy=remedy)
     return crs
 
 

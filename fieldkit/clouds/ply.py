@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.las import read_las, write_las
-from fieldkit.errors import CloudError, UsageError
+from fieldkit.clouds.las import DAMAGED, opened, read_las, write_las
+from fieldkit.errors import CloudError, UsageError, about
 from fieldkit.files import write_atomic
-from fieldkit.regular_files import open_regular
 from fieldkit.wording import count
 
 _SCALARS = {
@@ -36,7 +35,6 @@ _COLOR_NAMES = ("red", "green", "blue")
 _NORMAL_NAMES = ("nx", "ny", "nz")
 _FLOAT32_LIMIT_M = 16.0  # below it float32 is within 0.5 µm
 _LARGEST_COORDINATE = 1e12  # beyond any place on Earth in millimetres: swapped bytes or damage
-_TRUNCATED = "The file is damaged or was not copied completely: copy or export it again."
 
 Columns = dict[str, NDArray[np.generic]]
 
@@ -62,12 +60,8 @@ class _Header(NamedTuple):
 def read_cloud(path: Path | str) -> Cloud:
     """Read a PLY, LAS or LAZ file, whatever its name ends in."""
     path = Path(path)
-    try:
-        with open_regular(path) as file:
-            start = file.read(4)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
+    with opened(path) as file:
+        start = file.read(4)
     if start == b"LASF":
         return read_las(path).cloud
     if start.startswith(b"ply"):
@@ -97,17 +91,11 @@ def read_ply(path: Path) -> Cloud:
     Colours are red, green and blue of 8 bits, normals nx, ny and nz; rows with a coordinate that is not finite (how
     some exporters mark missing points) are left out. The unit is the file's own.
     """
-    path = Path(path)
-    try:
-        with open_regular(path) as file:
-            size = os.fstat(file.fileno()).st_size
-            header = _read_header(file, path)
-            file.seek(header.body)
-            columns = (_read_binary if header.order else _read_ascii)(file, header, size - header.body, path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
-    return _cloud(columns, header, path)
+    with opened(Path(path)) as file, about(path, DAMAGED):
+        size = os.fstat(file.fileno()).st_size
+        header = _read_header(file)
+        file.seek(header.body)
+        return _cloud((_read_binary if header.order else _read_ascii)(file, header, size - header.body), header)
 
 
 def write_ply(path: Path, cloud: Cloud) -> None:
@@ -136,14 +124,14 @@ def write_ply(path: Path, cloud: Cloud) -> None:
     write_atomic(path, "\n".join([*lines, "end_header\n"]).encode("ascii") + rows.tobytes())
 
 
-def _read_header(file: BinaryIO, path: Path) -> _Header:
+def _read_header(file: BinaryIO) -> _Header:
     def broken(message: str) -> CloudError:
         remedy = "Export the cloud again, as PLY with x, y and z."
-        return CloudError(f"broken PLY header: {message}", path=path, remedy=remedy)
+        return CloudError(f"broken PLY header: {message}", remedy=remedy)
 
     start = file.read(_MAX_HEADER_BYTES)
     if not start.startswith((b"ply\n", b"ply\r")):
-        raise CloudError("is not a PLY file", path=path, remedy="Give a point cloud as PLY, LAS or LAZ.")
+        raise CloudError("is not a PLY file", remedy="Give a point cloud as PLY, LAS or LAZ.")
     newline = b"\n" if start.startswith((b"ply\n", b"ply\r\n")) else b"\r"
     order: str | None = None
     elements: list[_Element] = []
@@ -184,41 +172,41 @@ def _read_header(file: BinaryIO, path: Path) -> _Header:
         raise broken("no format line")
     at = next((k for k, element in enumerate(elements) if element.name == "vertex"), None)
     if at is None:
-        raise CloudError("has no vertices", path=path, remedy="Give a point cloud; a material or scene is not one.")
+        raise CloudError("has no vertices", remedy="Give a point cloud; a material or scene is not one.")
     if not all(elements[at].kinds.get(axis) for axis in "xyz"):
-        raise CloudError("its vertices have no x, y and z", path=path, remedy="Export the cloud again.")
+        raise CloudError("its vertices have no x, y and z", remedy="Export the cloud again.")
     if any(None in element.kinds.values() for element in elements[: at + 1]):
         remedy = "Export it with x, y, z, colours and normals only."
-        raise CloudError("has lists in or before its vertices, which are not read", path=path, remedy=remedy)
+        raise CloudError("has lists in or before its vertices, which are not read", remedy=remedy)
     return _Header(order, elements[:at], elements[at], position)
 
 
-def _short(path: Path, element: _Element) -> CloudError:
-    return CloudError(f"ends before its {count(element.rows, 'row')} of {element.name!r}", path=path, remedy=_TRUNCATED)
+def _short(element: _Element) -> CloudError:
+    return CloudError(f"ends before its {count(element.rows, 'row')} of {element.name!r}")
 
 
-def _read_binary(file: BinaryIO, header: _Header, size: int, path: Path) -> Columns:
+def _read_binary(file: BinaryIO, header: _Header, size: int) -> Columns:
     for element in (*header.before, header.vertex):
         row = np.dtype([(name, f"{header.order}{kind}") for name, kind in element.kinds.items()])
         # Checked before anything is allocated: a header may promise any number of rows.
         if element.rows * row.itemsize > size:
-            raise _short(path, element)
+            raise _short(element)
         size -= element.rows * row.itemsize
         body = file.read(element.rows * row.itemsize)
     rows = np.frombuffer(body, dtype=row)
     return {name: rows[name] for name in header.vertex.kinds}
 
 
-def _read_ascii(file: BinaryIO, header: _Header, size: int, path: Path) -> Columns:
+def _read_ascii(file: BinaryIO, header: _Header, size: int) -> Columns:
     kinds = header.vertex.kinds
     with io.TextIOWrapper(file, encoding="latin-1") as text:  # ends lines at \n, \r\n and \r alike
         lines = (line for line in text if not line.isspace())
         for element in (*header.before, header.vertex):
             # A value takes a digit and a separator (the last may have none), so this bounds what is allocated.
             if 2 * element.rows * len(element.kinds) > size + 1:
-                raise _short(path, element)
+                raise _short(element)
             if element is not header.vertex and sum(1 for _ in islice(lines, element.rows)) < element.rows:
-                raise _short(path, element)
+                raise _short(element)
         if not header.vertex.rows:
             return {name: np.zeros(0) for name in kinds}
         try:
@@ -228,13 +216,13 @@ def _read_ascii(file: BinaryIO, header: _Header, size: int, path: Path) -> Colum
                     islice(lines, header.vertex.rows), comments=None, usecols=range(len(kinds)), ndmin=2
                 )
         except (ValueError, IndexError) as error:
-            raise CloudError(f"has a row that cannot be read: {error}", path=path, remedy=_TRUNCATED) from error
+            raise CloudError(f"has a row that cannot be read: {error}") from error
     if len(values) < header.vertex.rows:
-        raise _short(path, header.vertex)
+        raise _short(header.vertex)
     return {name: values[:, k] for k, name in enumerate(kinds)}
 
 
-def _cloud(columns: Columns, header: _Header, path: Path) -> Cloud:
+def _cloud(columns: Columns, header: _Header) -> Cloud:
     with np.errstate(invalid="ignore", over="ignore"):
         points = np.empty((len(columns["x"]), 3))
         for axis, name in enumerate("xyz"):
@@ -246,7 +234,6 @@ def _cloud(columns: Columns, header: _Header, path: Path) -> Cloud:
         if largest > _LARGEST_COORDINATE:
             raise CloudError(
                 f"has coordinates up to {largest:.3g}, which is no place on Earth",
-                path=path,
                 remedy="Its values or byte order are damaged: export it again.",
             )
         kinds = header.vertex.kinds

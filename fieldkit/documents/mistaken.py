@@ -162,20 +162,20 @@ _MOST_ENTRIES = 200
 """Most entries of a folder that are looked at."""
 
 
-def refuse_other(path: Path, noun: str, remedy: str) -> None:
+def refuse_other(path: Path, noun: str, remedy: str = "") -> None:
     """Say what was given instead, where that can be told; nothing is said of what may be the right thing.
 
     Args:
         path: a file or folder, or a missing file of a result's folder.
         noun: what is wanted: "plan", "reference", "evaluation", "campaign", "site file", "scene file", "vehicle
             profile" or "mission".
-        remedy: of the error.
+        remedy: of the error; else what is said about the file (`fieldkit.errors.about`).
     """
     given = path.parent if path.name in _MARKERS and not path.exists() and path.name != path.as_posix() else path
     found = next(_kinds(given), None)
     if found is not None and found != noun:
         message = OTHER_KIND.looks_like.format(_with_article(found), _with_article(noun))
-        raise MetadataError(message, path=given, remedy=remedy)
+        raise MetadataError(message, path=None if given == path and not remedy else given, remedy=remedy)
 
 
 def _with_article(noun: str) -> str:

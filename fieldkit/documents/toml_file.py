@@ -35,14 +35,14 @@ _WIDTH = 120
 """Width to which written arrays are wrapped, letters."""
 
 
-def toml_document(text: str, path: Path | None, remedy: str) -> dict[str, Any]:
+def toml_document(text: str) -> dict[str, Any]:
     """The document of a TOML text."""
     if len(text) > MOST_CHARACTERS:
-        raise MetadataError(f"is far too large: more than {MOST_CHARACTERS:,} characters", path=path, remedy=remedy)
+        raise MetadataError(f"is far too large: more than {MOST_CHARACTERS:,} characters")
     try:
         return parse_toml(text.removeprefix("\ufeff"))
     except (ValueError, RecursionError) as caught:  # ValueError: also integers with thousands of digits
-        raise MetadataError(f"is not TOML: {one_line(caught)}", path=path, remedy=remedy) from caught
+        raise MetadataError(f"is not TOML: {one_line(caught)}") from caught
 
 
 def one_line(error: BaseException) -> str:
@@ -68,27 +68,26 @@ def _other_dots(line: str) -> int:
     return len(_DOTS.findall(_NUMBER.sub("0", line)))
 
 
-def read_versioned(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, Any]:
+def read_versioned(path: Path, noun: str, max_bytes: int) -> dict[str, Any]:
     """The TOML document that a file holds, its ``format`` checked and left out."""
-    data = file_bytes(path, remedy, max_bytes, noun=noun, name=noun)
-    document = toml_document(decoded(data, path), path, remedy)
-    _check_format(document.pop("format", None), path)
+    document = toml_document(decoded(file_bytes(path, max_bytes, noun=noun, name=noun)))
+    _check_format(document.pop("format", None))
     return document
 
 
-def validated_toml(model: type[Model], document: dict[str, Any], path: Path, remedy: str) -> Model:
+def validated_toml(model: type[Model], document: dict[str, Any]) -> Model:
     """The document of a file as a model of pydantic's; lists may become tuples, all else is strict."""
-    return validated(TypeAdapter(model), {"format": FORMAT, **document}, path, remedy)
+    return validated(TypeAdapter(model), {"format": FORMAT, **document})
 
 
-def validated(adapter: TypeAdapter[Value], document: Any, path: Path | None, remedy: str) -> Value:
+def validated(adapter: TypeAdapter[Value], document: Any) -> Value:
     """As `validated_toml`, of any type of pydantic's and without a version."""
     try:
         return adapter.validate_json(json.dumps(document, default=str))
     except ValidationError as error:
-        raise MetadataError(sentence(error), path=path, remedy=remedy) from error
+        raise MetadataError(sentence(error)) from error
     except (ValueError, RecursionError) as error:
-        raise MetadataError(f"cannot be understood: {one_line(error)}", path=path, remedy=remedy) from error
+        raise MetadataError(f"cannot be understood: {one_line(error)}") from error
 
 
 def sentence(error: ValidationError) -> str:
@@ -110,15 +109,15 @@ def sentence(error: ValidationError) -> str:
     return validation_sentence(key, problems, texts)
 
 
-def _check_format(found: Any, path: Path) -> None:
+def _check_format(found: Any) -> None:
     first_line = f"Put 'format = {FORMAT}' on its first line."
     if found is None:
-        raise MetadataError("has no 'format'", path=path, remedy=first_line)
+        raise MetadataError("has no 'format'", remedy=first_line)
     if found != FORMAT or isinstance(found, bool):
         newer = isinstance(found, int) and found > FORMAT
         shown = repr(found) if isinstance(found, int | float) and abs(found) < 1e6 else "something else"
         remedy = "Install a newer fieldkit." if newer else first_line
-        raise MetadataError(f"has format {shown}; this fieldkit reads {FORMAT}", path=path, remedy=remedy)
+        raise MetadataError(f"has format {shown}; this fieldkit reads {FORMAT}", remedy=remedy)
 
 
 def toml_text(table: Mapping[str, Any]) -> str:

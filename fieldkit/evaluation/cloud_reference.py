@@ -19,7 +19,7 @@ from fieldkit.captures.programs import METRES
 from fieldkit.clouds import Cloud, Volume, read_cloud
 from fieldkit.clouds.ground import fit_ground_plane
 from fieldkit.clouds.las import read_las
-from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, ReconstructionError, UsageError
+from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, ReconstructionError, UsageError, about
 from fieldkit.evaluation.reference import Reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -125,7 +125,8 @@ def open_reference(path: Path, frame: str = "", bounds: Volume | None = None) ->
     """
     file = reference_file(path)
     if file.name != REFERENCE_FILE and is_cloud(file):
-        return _cloud_reference(file, frame, bounds)
+        with about(file):
+            return _cloud_reference(file, frame, bounds)
     if frame:
         raise UsageError(
             "--reference-frame is that of a bare cloud",
@@ -149,26 +150,24 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
         cloud = read_cloud(path)
     if not len(cloud):
         why = "has no points" if not noise else f"has {noise:,} points, all of them noise or withheld"
-        raise EmptyCloudError(why, path=path, remedy="Give the cloud of the plot's plants.")
+        raise EmptyCloudError(why, remedy="Give the cloud of the plot's plants.")
     if frame == METRES:
         crs = None
     elif frame:
-        stated = parse_crs(frame, path)
+        stated = parse_crs(frame)
         if crs is not None and not crs.equals(stated, ignore_axis_order=True) and crs.to_epsg() != stated.to_epsg():
-            raise UsageError(
-                f"--reference-frame says {stated.name}, and the file {crs.name}", path=path, remedy="Leave it out."
-            )
+            raise UsageError(f"--reference-frame says {stated.name}, and the file {crs.name}", remedy="Leave it out.")
         crs = stated if crs is None else crs
     elif crs is None:
-        raise CloudError("does not say in which frame its coordinates are", path=path, remedy=_FRAME_REMEDY)
+        raise CloudError("does not say in which frame its coordinates are", remedy=_FRAME_REMEDY)
     if not is_las:
-        _check_steps(cloud.points, path)
+        _check_steps(cloud.points)
     if crs is None:
         origin, placed, said, odd = None, cloud, "in the frame of the photographs' positions", list[Finding]()
         middle = 0.5 * np.sum(cloud.bounds(), axis=0)
         shift = -np.round(middle) if np.abs(middle).max() > _FAR_M else np.zeros(3)
     else:
-        origin, placed, odd = _local(cloud, crs, units, path)
+        origin, placed, odd = _local(cloud, crs, units, path.name)
         said, shift = f"in {crs.name}", np.zeros(3)
     to_plot = Similarity(1.0, np.eye(3), shift)
     said += f", without {noise:,} points that it marks as noise or withheld" if noise else ""
@@ -179,26 +178,25 @@ def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudRefe
     return replace(reference, findings=(*reference.findings, *odd))
 
 
-def _check_steps(points: FloatArray, path: Path) -> None:
+def _check_steps(points: FloatArray) -> None:
     """Refuse coordinates that 32-bit numbers have rounded, as those of UTM in most PLY files are."""
     largest = float(np.abs(points).max())
     step = float(np.spacing(np.float32(largest)))
     if step > _COARSE_STEP_M and np.array_equal(points, points.astype(np.float32)):
         raise CloudError(
             f"has coordinates of {largest:,.0f} in 32-bit numbers, which lie {step:.2g} apart",
-            path=path,
             remedy="Export the cloud as LAS or LAZ, or with coordinates in double precision.",
         )
 
 
-def _local(cloud: Cloud, crs: Any, units: FloatArray | None, path: Path) -> tuple[LocalFrame, Cloud, list[Finding]]:
+def _local(cloud: Cloud, crs: Any, units: FloatArray | None, subject: str) -> tuple[LocalFrame, Cloud, list[Finding]]:
     """The cloud in a local east-north-up frame in its middle, and what is to be known of its datum.
 
     Normals are left out: their frame is seldom known.
     """
     points = cloud.points if units is None else cloud.points / units
     ends = range(0, len(points), _CHUNK)
-    pieces, odd = zip(*(to_geodetic(points[k : k + _CHUNK], crs, path) for k in ends), strict=True)
+    pieces, odd = zip(*(to_geodetic(points[k : k + _CHUNK], crs, subject) for k in ends), strict=True)
     geodetic = np.concatenate(pieces)
     if units is not None and not crs.is_geocentric:
         geodetic[:, 2] = cloud.points[:, 2]  # a file knows more than its system: heights in metres beside feet
@@ -231,13 +229,12 @@ def _with_volume(
         over = (cloud.points[:, :2] >= bounds.lower[:2]) & (cloud.points[:, :2] <= bounds.upper[:2])
         cloud = cloud.select(over.all(axis=1))
         if not len(cloud):
-            raise EmptyCloudError("has no points within --bounds", path=path, remedy="Check them: metres, plot frame.")
+            raise EmptyCloudError("has no points within --bounds", remedy="Check them: metres, plot frame.")
     lower, upper = cloud.bounds()
     diagonal = float(np.linalg.norm(upper - lower))
     if diagonal > _MAX_DIAGONAL_M:
         raise CloudError(
             f"is {diagonal:,.0f} m across, which is no plot",
-            path=path,
             remedy="Cut out the plot, and check the unit of its coordinates.",
         )
     ground = _ground(cloud)
@@ -246,7 +243,7 @@ def _with_volume(
         above, ground = cloud, None
     plants = above if bounds is None else above.select(bounds.contains(above.points))
     if not len(plants):
-        raise EmptyCloudError("has no points within --bounds", path=path, remedy="Check them: metres, plot frame.")
+        raise EmptyCloudError("has no points within --bounds", remedy="Check them: metres, plot frame.")
     if ground is None:
         about = "no ground was found in it, so all of it is taken for plants"
     else:

@@ -67,7 +67,7 @@ def read_dataflash(data: bytes, path: Path) -> FlightLog:
     """
     found, skipped = read_messages(data, _LAYOUT.messages)
     if not found:
-        raise MetadataError("holds no messages of a flight", path=path, remedy=_REMEDY)
+        raise MetadataError("holds no messages of a flight", remedy=_REMEDY)
     remarks = []
     if skipped > _LAST_MESSAGE:
         remarks.append(f"damaged or cut short: {skipped} of {len(data)} bytes belong to no message")

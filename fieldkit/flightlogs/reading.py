@@ -6,7 +6,7 @@ import zlib
 from pathlib import Path
 
 from fieldkit.documents.file_bytes import file_bytes
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.flightlogs.model import FlightLog
 
 MAX_BYTES = 1 << 30
@@ -29,16 +29,20 @@ def read_flight_log(path: Path, *, max_bytes: int = MAX_BYTES) -> FlightLog:
         path: of the file; never written to.
         max_bytes: a larger file is refused, and so is one that unpacks to more.
     """
+    with about(path := Path(path), _REMEDY):
+        return _read(path, max_bytes)
+
+
+def _read(path: Path, max_bytes: int) -> FlightLog:
     from fieldkit.flightlogs.dataflash import read_dataflash
     from fieldkit.flightlogs.tlog import read_tlog
     from fieldkit.flightlogs.ulog import read_ulog
 
-    path = Path(path)
-    data = file_bytes(path, _REMEDY, max_bytes, noun="flight log")
+    data = file_bytes(path, max_bytes, noun="flight log")
     if not data:
-        raise MetadataError("is empty", path=path, remedy=_REMEDY)
+        raise MetadataError("is empty")
     if data[:2] == _GZIP:
-        data = _unpacked(data, path, max_bytes)
+        data = _unpacked(data, max_bytes)
     try:
         if data.startswith(_ULOG):
             return read_ulog(data, path)
@@ -47,17 +51,17 @@ def read_flight_log(path: Path, *, max_bytes: int = MAX_BYTES) -> FlightLog:
         return read_tlog(data, path)
     except (ValueError, OverflowError, ArithmeticError, LookupError, TypeError) as error:
         # The readers check what they use; a log made to break them must still end in words.
-        raise MetadataError(f"is damaged: {type(error).__name__}: {error}", path=path, remedy=_REMEDY) from error
+        raise MetadataError(f"is damaged: {type(error).__name__}: {error}") from error
 
 
-def _unpacked(data: bytes, path: Path, max_bytes: int) -> bytes:
+def _unpacked(data: bytes, max_bytes: int) -> bytes:
     """Inflated, as far as it goes: a log that was cut short is of use up to there."""
     most = min(max_bytes, max(_FREE_BYTES, _MAX_RATIO * len(data)))
     try:
         unpacked = zlib.decompressobj(wbits=31).decompress(data, most + 1)
     except zlib.error as error:
-        raise MetadataError(f"cannot be unpacked: {error}", path=path, remedy=_REMEDY) from error
+        raise MetadataError(f"cannot be unpacked: {error}") from error
     if not 0 < len(unpacked) <= most:
         what = "unpacks to far more than a log holds" if unpacked else "is empty when unpacked"
-        raise MetadataError(what, path=path, remedy="Unpack it and look.")
+        raise MetadataError(what, remedy="Unpack it and look.")
     return unpacked

@@ -81,7 +81,7 @@ def read_tlog(data: bytes, path: Path) -> FlightLog:
         if name is not None and (message := frame.message) is not None:
             by_name[name].append((frame.time_s, message))
     if not reader.frames or not any(by_name.values()):
-        raise MetadataError("holds no MAVLink messages of a flight", path=path, remedy=_REMEDY)
+        raise MetadataError("holds no MAVLink messages of a flight", remedy=_REMEDY)
     remarks = []
     if reader.skipped > 0:
         remarks.append(f"damaged or cut short: {reader.skipped} of {len(data)} bytes are no MAVLink")

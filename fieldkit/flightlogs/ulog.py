@@ -65,13 +65,10 @@ _KINDS = frozenset(b"BFIMPQARDLCSO")
 
 def read_ulog(data: bytes, path: Path) -> FlightLog:
     """A PX4 log's flight."""
-    try:
-        topics, skipped = read_topics(data, _LAYOUT.messages)
-    except MetadataError as error:
-        raise MetadataError(error.message, path=path, remedy=error.remedy) from error
+    topics, skipped = read_topics(data, _LAYOUT.messages)
     topics = {name: rows for name, rows in topics.items() if "timestamp" in (rows.dtype.names or ())}
     if not topics:
-        raise MetadataError("holds no topics of a flight", path=path, remedy=_REMEDY)
+        raise MetadataError("holds no topics of a flight", remedy=_REMEDY)
     remarks = []
     if skipped > _LAST_MESSAGE:
         remarks.append(f"damaged or cut short: {skipped} of {len(data)} bytes belong to no message")

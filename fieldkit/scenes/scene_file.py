@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import FORMAT, read_versioned, toml_text, validated
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.files import named_file, write_atomic
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.scenes.description import SceneDescription
@@ -33,21 +33,24 @@ def read_scene(path: Path) -> SceneDescription:
     Mesh and cloud files it names are relative to it and lie in its folder or below; only an absolute path may lead
     elsewhere. They become absolute paths and must exist.
     """
-    path = Path(path)
-    refuse_other(path, "scene file", _REMEDY)
-    document = read_versioned(path, "scene file", _REMEDY, _MAX_BYTES)
+    with about(path := Path(path), _REMEDY):
+        return _read(path)
+
+
+def _read(path: Path) -> SceneDescription:
+    refuse_other(path, "scene file")
+    document = read_versioned(path, "scene file", _MAX_BYTES)
     if isinstance(plot := document.get("plot"), dict):
         plants = plot.setdefault("plants", [])
         for plant in plants if isinstance(plants, list) else ():
             if isinstance(plant, dict):
                 plant.setdefault("kind", "mesh" if "file" in plant else "maize")
-    description = validated(_ADAPTER, document, path, _REMEDY)
+    description = validated(_ADAPTER, document)
 
     def existing(file: Path, key: str) -> Path:
         file = named_file(file, path, key, what="scene")
         if not file.is_file():
-            remedy = "Put the file there, or correct the path."
-            raise MetadataError(f"{key}: there is no {file}", path=path, remedy=remedy)
+            raise MetadataError(f"{key}: there is no {file}", remedy="Put the file there, or correct the path.")
         return file
 
     return replace(_with_files(description, existing), name=description.name or path.stem)

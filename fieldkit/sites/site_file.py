@@ -7,6 +7,7 @@ not in the field.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from pydantic import ValidationError
 
 from fieldkit.documents.mistaken import nearest, refuse_other
 from fieldkit.documents.toml_file import read_versioned, sentence, validated_toml
-from fieldkit.errors import MetadataError, UsageError
+from fieldkit.errors import MetadataError, UsageError, about
 from fieldkit.files import named_file
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.routing.mission import Home
@@ -56,9 +57,13 @@ def load_site(
         tell: is told where the ids are from, before they are used, and datums of files that are not WGS 84.
         converted: ``plots`` may hold what the site's own file held, where that is missing, as in a campaign.
     """
-    path, tell = Path(path), tell or _nobody
-    refuse_other(path, "site file", _REMEDY)
-    document = read_versioned(path, "site file", _REMEDY, MAX_BYTES)
+    with about(path := Path(path), _REMEDY):
+        return _load(path, plots, plot_id, tell or _nobody, converted)
+
+
+def _load(path: Path, plots: Path | None, plot_id: str | None, tell: Tell, converted: bool) -> Site:
+    refuse_other(path, "site file")
+    document = read_versioned(path, "site file", MAX_BYTES)
     document.setdefault("name", path.stem)
     own, beside = document.get("plots"), document.get("neighbours")
     if isinstance(own, str):
@@ -71,7 +76,7 @@ def load_site(
             else None
         )
     if plots is None and not own:
-        raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
+        raise MetadataError("has no plots", remedy=_NO_PLOTS)
     if own is None or isinstance(own, tuple):
         document["plots"] = [{"latitude_deg": 0.0, "longitude_deg": 0.0}]  # until others take its place
     if isinstance(beside, str):
@@ -80,9 +85,9 @@ def load_site(
         if isinstance(document.get(key), str):
             zones = named_file(document[key], path, key, what="site file")
             document[key] = list(_zones(zones, tell, named=key == "no_fly"))
-    site = validated_toml(Site, document, path, _REMEDY)
-    _check_places(site.home, _surroundings(site), path)
-    _check_polygons(site, path)
+    site = validated_toml(Site, document)
+    _check_places(site.home, _surroundings(site))
+    _check_polygons(site)
     neighbours = site.neighbours
     if isinstance(beside, str):
         others = read_plots(named_file(beside, path, "neighbours", what="site file"))
@@ -90,42 +95,49 @@ def load_site(
         for text in others.file.told:
             tell(text)
     if own and (isinstance(own, tuple) or isinstance(beside, str)):
-        site = _changed(site, path, plots=own if isinstance(own, tuple) else site.plots, neighbours=neighbours)
+        site = _changed(site, plots=own if isinstance(own, tuple) else site.plots, neighbours=neighbours)
     if plots is not None:
         found = read_plots(plots, plot_id)
         for text in found.told:
             tell(text)
         if own:
             return with_plots(site, found.plots, path=plots)
-        return _changed(site, plots, plots=found.plots, neighbours=neighbours)
+        with about(plots):
+            return _changed(site, plots=found.plots, neighbours=neighbours)
     if plot_id is not None:
-        raise MetadataError(
-            "lists its plots itself, so there is no field for --plot-id", path=path, remedy="Leave --plot-id out."
-        )
-    _check_places(site.home, _origins(site.all_plots), path)
+        raise MetadataError("lists its plots itself, so there is no field for --plot-id", remedy="Leave --plot-id out.")
+    _check_places(site.home, _origins(site.all_plots))
     return site
 
 
 def plots_file_beside(path: Path) -> Path | None:
     """The file that a site file names for its plots; None where it lists them itself, or has none."""
-    own = read_versioned(path, "site file", _REMEDY, MAX_BYTES).get("plots")
-    return named_file(own, path, "plots", what="site file") if isinstance(own, str) else None
+    own = plots_named(path)
+    return None if own is None else named_file(own, path, "plots", what="site file")
+
+
+def plots_named(path: Path) -> str | None:
+    """The same as the site file names it."""
+    with about(path, _REMEDY):
+        own = read_versioned(path, "site file", MAX_BYTES).get("plots")
+    return own if isinstance(own, str) else None
 
 
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
     """The site with other plots to fly; of its own, those that these do not cover are neighbours."""
-    _check_places(site.home, _origins(plots), path)
-    return _changed(site, path, plots=tuple(plots), neighbours=site.neighbours_of(plots))
+    with nullcontext() if path is None else about(path):
+        _check_places(site.home, _origins(plots))
+        return _changed(site, plots=tuple(plots), neighbours=site.neighbours_of(plots))
 
 
-def _changed(site: Site, path: Path | None, **plots: tuple[SitePlot, ...]) -> Site:
+def _changed(site: Site, **plots: tuple[SitePlot, ...]) -> Site:
     """The site with other plots or neighbours, from a file."""
     fields = {name: getattr(site, name) for name in type(site).model_fields}
     try:
         changed = Site.model_validate(fields | plots)
     except ValidationError as error:
-        raise MetadataError(sentence(error), path=path, remedy=PLOTS_REMEDY) from error
-    _check_places(changed.home, _origins(changed.all_plots), path)
+        raise MetadataError(sentence(error), remedy=PLOTS_REMEDY) from error
+    _check_places(changed.home, _origins(changed.all_plots))
     return changed
 
 
@@ -184,7 +196,7 @@ def _polygons(site: Site) -> Iterator[tuple[str, tuple[tuple[float, float], ...]
     yield from ((f'no_fly "{zone.name}"', zone.corners) for zone in site.no_fly)
 
 
-def _check_places(home: Home, places: Sequence[tuple[str, float, float]], path: Path | None) -> None:
+def _check_places(home: Home, places: Sequence[tuple[str, float, float]]) -> None:
     """Refuse places too far from home; where they would be near it with their coordinates swapped, say so."""
     if not places:
         return
@@ -197,17 +209,16 @@ def _check_places(home: Home, places: Sequence[tuple[str, float, float]], path: 
     name = places[first][0]
     raise MetadataError(
         f"{name} lies {away[first] / 1000:,.0f} km from home",
-        path=path,
         remedy="Check its coordinates and home's: latitude comes first in a site file, longitude in GeoJSON.",
     )
 
 
-def _check_polygons(site: Site, path: Path) -> None:
+def _check_polygons(site: Site) -> None:
     for name, ring in _polygons(site):
         corners = np.array(ring, dtype=np.float64)
         local = LocalFrame(*ring[0]).to_local(corners[:, 0], corners[:, 1], 0.0)[:, :2]
         polygon = shapely.Polygon(local)
         if not polygon.is_valid or polygon.area <= 0.0:
             raise MetadataError(
-                f"{name} crosses itself or has no area", path=path, remedy="List its corners in order along its edge."
+                f"{name} crosses itself or has no area", remedy="List its corners in order along its edge."
             )

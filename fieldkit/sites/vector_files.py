@@ -22,7 +22,7 @@ from fieldkit.captures.crs import to_wgs84
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.json_file import read_json_object
 from fieldkit.documents.mistaken import DEGREES, PROJECTED, SWAPPED, look_like_degrees, look_swapped, refuse_other
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry.geodesy import on_earth
 
 MAX_BYTES = 16 << 20
@@ -92,18 +92,22 @@ def read_features(path: Path) -> tuple[Feature, ...]:
 
 def read_wgs84(path: Path) -> VectorFile:
     """A file of points and polygons as a GeoJSON document in WGS 84; what it holds is not looked at."""
-    path = Path(path)
-    data = file_bytes(path, _REMEDY, MAX_BYTES, noun=_NOUN)
+    with about(path := Path(path), _REMEDY):
+        return _read(path)
+
+
+def _read(path: Path) -> VectorFile:
+    data = file_bytes(path, MAX_BYTES, noun=_NOUN)
     found = _for_gdal(data, path)
     if found is not None:
-        return _converted(path, *found)
+        return _converted(*found)
     if not data.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")) and path.suffix != ".geojson":
         _refuse(path)
-    document = read_json_object(path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
+    document = read_json_object(path, noun="GeoJSON file", max_bytes=MAX_BYTES)
     crs = _reference_system(document)
     if crs is None:
         return VectorFile(document, as_is=True)
-    return _converted(path, f"GeoJSON in {crs}", str(path.absolute()))
+    return _converted(f"GeoJSON in {crs}", str(path.absolute()))
 
 
 def parts_of(path: Path) -> list[Path]:
@@ -114,8 +118,8 @@ def parts_of(path: Path) -> list[Path]:
 
 
 def _refuse(path: Path) -> NoReturn:
-    refuse_other(path, _NOUN, _REMEDY)
-    raise MetadataError(f"is no {_NOUN}", path=path, remedy=_REMEDY)
+    refuse_other(path, _NOUN)
+    raise MetadataError(f"is no {_NOUN}")
 
 
 def _for_gdal(data: bytes, path: Path) -> tuple[str, str] | None:
@@ -133,9 +137,9 @@ def _for_gdal(data: bytes, path: Path) -> tuple[str, str] | None:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {member.filename: member.file_size for member in archive.infolist()}
     except (zipfile.BadZipFile, NotImplementedError, OSError, ValueError) as error:
-        raise MetadataError("is a damaged zip archive", path=path, remedy="Make or copy it again.") from error
+        raise MetadataError("is a damaged zip archive", remedy="Make or copy it again.") from error
     if sum(members.values()) > MAX_BYTES:
-        raise MetadataError(f"is far too large for a {_NOUN}", path=path, remedy=_REMEDY)
+        raise MetadataError(f"is far too large for a {_NOUN}")
     names = [name.lower() for name in members]
     shapes = [name for name in members if name.lower().endswith(".shp")]
     if len(shapes) == 1:
@@ -143,11 +147,11 @@ def _for_gdal(data: bytes, path: Path) -> tuple[str, str] | None:
     if not shapes and any(name.endswith(".kml") for name in names) and not any(n.endswith(".wpml") for n in names):
         return "KMZ", itself
     raise MetadataError(
-        f"is a zip archive with {len(shapes)} Shapefiles", path=path, remedy="Zip the one with the plots by itself."
+        f"is a zip archive with {len(shapes)} Shapefiles", remedy="Zip the one with the plots by itself."
     )
 
 
-def _converted(path: Path, kind: str, source: str) -> VectorFile:
+def _converted(kind: str, source: str) -> VectorFile:
     """What pyogrio reads of a source, as GeoJSON in WGS 84."""
     try:
         import pyogrio
@@ -157,7 +161,6 @@ def _converted(path: Path, kind: str, source: str) -> VectorFile:
     except ImportError as error:
         raise MetadataError(
             f"is {kind}; reading that needs the extra 'geo'",
-            path=path,
             remedy="pip install 'fieldkit[geo]', or give GeoJSON in WGS 84 (EPSG:4326).",
         ) from error
     rows: list[dict[str, Any]] = []
@@ -165,14 +168,14 @@ def _converted(path: Path, kind: str, source: str) -> VectorFile:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyogrio's, of geometries with measures and the like
-            for layer in _layers(pyogrio.list_layers(source), kind, path):
+            for layer in _layers(pyogrio.list_layers(source), kind):
                 meta, numbers, wkb, values = read(source, layer=layer, return_fids=True, max_features=MAX_FEATURES + 1)
                 shapes = shapely.from_wkb(wkb)
                 crs = None if not meta["crs"] else CRS.from_user_input(meta["crs"])
                 corners = shapely.get_coordinates(shapes)
-                _check_units(corners, crs, path)
+                _check_units(corners, crs)
                 if len(corners):
-                    transformer, datum = to_wgs84(corners, crs, path)
+                    transformer, datum = to_wgs84(corners, crs)
                     shapes = _moved(shapes, transformer)
                 fields = {str(name): column for name, column in zip(meta["fields"], values, strict=True)}
                 if kind == "a GeoPackage" and "fid" not in map(str.casefold, fields):
@@ -180,13 +183,13 @@ def _converted(path: Path, kind: str, source: str) -> VectorFile:
                 rows += _rows(shapes, {_full_name(name, kind): column for name, column in fields.items()})
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ProjError, shapely.GEOSException) as error:
         why = re.sub(r"\s+", " ", str(error))[:200]
-        raise MetadataError(f"is {kind} that cannot be read: {why}", path=path, remedy=_REMEDY) from error
+        raise MetadataError(f"is {kind} that cannot be read: {why}") from error
     return VectorFile(
         {"type": "FeatureCollection", "features": rows}, as_is=False, told=(f"{datum}.",) if datum else ()
     )
 
 
-def _layers(found: Any, kind: str, path: Path) -> list[str]:
+def _layers(found: Any, kind: str) -> list[str]:
     """The layers that are read: of KML all, for its folders are layers; else the only one with geometries or areas."""
     layers = [str(name) for name, geometry in found if geometry is not None]
     areas = [str(name) for name, geometry in found if "Polygon" in str(geometry)]
@@ -194,21 +197,20 @@ def _layers(found: Any, kind: str, path: Path) -> list[str]:
     if len(chosen) != 1 and kind not in ("KML", "KMZ"):
         raise MetadataError(
             f"has {len(layers)} layers with places: {', '.join(layers[:8])}",
-            path=path,
             remedy="In QGIS, export the one with the plots by itself: Save Features As….",
         )
     return chosen
 
 
-def _check_units(places: Any, crs: Any, path: Path) -> None:
+def _check_units(places: Any, crs: Any) -> None:
     """Refuse coordinates without a reference system, and those that cannot be of the one that the file names."""
     degrees = look_like_degrees(places[:, 0], places[:, 1])
     looks = DEGREES.looks_like if degrees else PROJECTED.looks_like
     if crs is None:
-        raise MetadataError(f"does not say its coordinate reference system; {looks}", path=path, remedy=_CRS)
+        raise MetadataError(f"does not say its coordinate reference system; {looks}", remedy=_CRS)
     if len(places) and crs.is_geographic != degrees:
         name = f"{crs.name} ({':'.join(crs.to_authority())})" if crs.to_authority() else crs.name
-        raise MetadataError(f"has coordinates that are none in {name}: {looks}", path=path, remedy=_CRS)
+        raise MetadataError(f"has coordinates that are none in {name}: {looks}", remedy=_CRS)
 
 
 def _moved(shapes: Any, transformer: Any) -> Any:
@@ -273,67 +275,64 @@ def _reference_system(document: Mapping[str, Any]) -> str | None:
 
 def wgs84_features(document: Mapping[str, Any], path: Path) -> tuple[Feature, ...]:
     """The points and polygons of a GeoJSON document in WGS 84: a FeatureCollection, a Feature or a bare geometry."""
+    with about(path, _REMEDY):
+        return _features(document)
+
+
+def _features(document: Mapping[str, Any]) -> tuple[Feature, ...]:
     kind, own = document.get("type"), document.get("kind")
     if kind is None and isinstance(own, str) and own.isidentifier():
-        raise MetadataError(f"is fieldkit's {own[:40]}, not a {_NOUN}", path=path, remedy=_REMEDY)
+        raise MetadataError(f"is fieldkit's {own[:40]}, not a {_NOUN}")
     rows = document.get("features") if kind == "FeatureCollection" else [document]
     if kind not in ("FeatureCollection", "Feature"):
         rows = [{"type": "Feature", "geometry": document}]
     if not isinstance(rows, list) or not 0 < len(rows) <= MAX_FEATURES:
         message = f"holds more than {MAX_FEATURES} features" if rows else "holds no features"
-        raise MetadataError(message, path=path, remedy=_REMEDY)
+        raise MetadataError(message)
     features, corners = list[Feature](), 0
     for number, row in enumerate(rows, 1):
         try:
-            feature = _feature(number, row)
-        except _Wrong as wrong:
-            raise MetadataError(f"feature {number}: {wrong}", path=path, remedy=wrong.remedy) from wrong
-        features.append(feature)
-        corners += sum(map(len, feature.parts))
+            features.append(_feature(number, row))
+        except MetadataError as wrong:
+            raise MetadataError(f"feature {number}: {wrong.message}", remedy=wrong.remedy) from wrong
+        corners += sum(map(len, features[-1].parts))
         if corners > MAX_CORNERS:
             remedy = "Simplify its polygons: a few dozen are plenty."
-            raise MetadataError(f"has more than {MAX_CORNERS} corners", path=path, remedy=remedy)
+            raise MetadataError(f"has more than {MAX_CORNERS} corners", remedy=remedy)
     return tuple(features)
-
-
-class _Wrong(Exception):
-    """What is wrong with a feature, and what to do."""
-
-    def __init__(self, message: str, remedy: str = _REMEDY) -> None:
-        super().__init__(message)
-        self.remedy = remedy
 
 
 def _feature(number: int, row: Any) -> Feature:
     geometry = row.get("geometry") if isinstance(row, dict) and row.get("type") == "Feature" else None
     given = row.get("properties") if isinstance(row, dict) else None
     if not isinstance(geometry, dict) or not isinstance(given, dict | None):
-        raise _Wrong("is not a feature with a geometry and properties")
+        raise MetadataError("is not a feature with a geometry and properties")
     properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
     try:
         shape = shapely.from_geojson(json.dumps(geometry))
     except (shapely.GEOSException, ValueError, RecursionError) as error:
-        raise _Wrong(f"its geometry is no GeoJSON: {str(error)[:120]}") from error
+        raise MetadataError(f"its geometry is no GeoJSON: {str(error)[:120]}") from error
     if isinstance(shape, shapely.GeometryCollection):
         # A polygon with its label's point, as KML's MultiGeometry has it.
         areas = [part for part in shape.geoms if isinstance(part, shapely.Polygon | shapely.MultiPolygon)]
         shape = areas[0] if len(areas) == 1 else shape
     if shape.is_empty or not isinstance(shape, shapely.Point | shapely.Polygon | shapely.MultiPolygon):
         kind = f"an empty {shape.geom_type}" if shape.is_empty else f"a {shape.geom_type}"
-        raise _Wrong(f"is {kind}, not a Point or Polygon")
+        raise MetadataError(f"is {kind}, not a Point or Polygon")
     places = shapely.get_coordinates(shape, include_z=True)
     for longitude, latitude in places[:, :2].tolist():
         if not on_earth(latitude, longitude):
             slip = SWAPPED if look_swapped(latitude, longitude) else PROJECTED
             message = f"[{longitude:g}, {latitude:g}] is no longitude and latitude; {slip.looks_like}"
-            raise _Wrong(message, slip.remedy)
+            raise MetadataError(message, remedy=slip.remedy)
     height = None if np.isnan(places[0, 2]) else float(places[0, 2])
     if isinstance(shape, shapely.Point):
         return Feature(number, "Point", (((shape.y, shape.x),),), height, properties)
     polygons = [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
     if any(polygon.interiors for polygon in polygons):
-        raise _Wrong("its polygon has a hole", "Draw it without; a place to keep out of is a no-fly zone.")
+        remedy = "Draw it without; a place to keep out of is a no-fly zone."
+        raise MetadataError("its polygon has a hole", remedy=remedy)
     rings = tuple(tuple((y, x) for x, y, *_ in polygon.exterior.coords[:-1]) for polygon in polygons)
     if any(len(set(ring)) < 3 for ring in rings):
-        raise _Wrong("its polygon has fewer than three different corners")
+        raise MetadataError("its polygon has fewer than three different corners")
     return Feature(number, "Polygon", rings, height, properties)

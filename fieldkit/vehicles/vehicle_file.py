@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fieldkit.documents.mistaken import did_you_mean, refuse_other
 from fieldkit.documents.toml_file import read_versioned, validated_toml
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.runtime.shipped import shipped_folder, shipped_page
 from fieldkit.vehicles.vehicle import Vehicle
 
@@ -56,5 +56,6 @@ def find_vehicle(name: str | Path) -> Path:
 def load_vehicle(name: str | Path) -> Vehicle:
     """Read a vehicle profile, by path or by name."""
     path = find_vehicle(name)
-    refuse_other(path, "vehicle profile", _REMEDY)
-    return validated_toml(Vehicle, read_versioned(path, "vehicle profile", _REMEDY, _MAX_BYTES), path, _REMEDY)
+    with about(path, _REMEDY):
+        refuse_other(path, "vehicle profile")
+        return validated_toml(Vehicle, read_versioned(path, "vehicle profile", _MAX_BYTES))

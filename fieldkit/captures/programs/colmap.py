@@ -19,7 +19,7 @@ import numpy as np
 from fieldkit.captures.camera_file import CameraEntry
 from fieldkit.captures.crs import local_from_crs, parse_crs
 from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.regular_files import check_regular, open_regular
 from fieldkit.results.finding import Finding
@@ -45,7 +45,11 @@ def colmap_suffix(folder: Path) -> str | None:
 
 def read_colmap(given: PosesFile) -> ProgramPoses:
     """The registered images of the model in a folder."""
-    folder, frame = given.path, given.frame
+    with about(given.path, _REMEDY):
+        return _read(given.path, given.frame)
+
+
+def _read(folder: Path, frame: str) -> ProgramPoses:
     try:
         model, lacking = _load(folder)
         poses, cameras, findings = _contents(model)
@@ -53,9 +57,9 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
         raise
     except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError or MemoryError
         detail = str(error).rpartition("] ")[2] or type(error).__name__
-        raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
+        raise MetadataError(f"COLMAP cannot read this model: {detail}") from error
     if not poses:
-        raise MetadataError("no image of this model is registered", path=folder, remedy=_REMEDY)
+        raise MetadataError("no image of this model is registered")
     if lacking:
         message = (
             f"has no line of points behind {lacking} or more of {len(poses)} images, as COLMAP has it; all are read"
@@ -64,8 +68,8 @@ def read_colmap(given: PosesFile) -> ProgramPoses:
     origin = None
     said = "in metres, as was said" if frame else "without metric scale, since COLMAP's files have none"
     if frame and frame != METRES:
-        crs = parse_crs(frame, folder)
-        origin, poses, odd = local_from_crs(poses, crs, folder)
+        crs = parse_crs(frame)
+        origin, poses, odd = local_from_crs(poses, crs, folder.name)
         findings += odd
         said = f"in {crs.name}, as was said"
     return ProgramPoses(
@@ -108,7 +112,7 @@ def _load(folder: Path) -> tuple[pycolmap.Reconstruction, int]:
     """The model without its points, which may be many and are not needed; how many images lack their line of points."""
     suffix = colmap_suffix(folder)
     if suffix is None:
-        raise MetadataError("this folder holds no COLMAP model", path=folder, remedy=_REMEDY)
+        raise MetadataError("this folder holds no COLMAP model")
     from fieldkit.runtime.colmap import pycolmap
 
     binary = suffix == ".bin"

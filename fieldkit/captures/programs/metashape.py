@@ -21,7 +21,7 @@ from fieldkit.captures.crs import local_from_crs, local_from_geocentric, parse_c
 from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.xml_tree import XmlError, parse_local
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, ecef_to_geodetic
 from fieldkit.results.finding import Finding
@@ -37,15 +37,15 @@ _LARGEST = 1e12
 
 def read_metashape_xml(given: PosesFile) -> ProgramPoses:
     """The aligned cameras of the chunk that has most."""
-    path = given.path
-    try:
-        root = parse_local(file_bytes(path, _REMEDY, _MAX_BYTES, noun="export of Metashape"))
-        chunks = [root] if root.tag == "chunk" else root.findall("chunk")
-        if not chunks:
-            raise MetadataError("holds no chunk of Metashape", path=path, remedy=_REMEDY)
-        return _chunk(max(chunks, key=lambda each: len(each.findall(".//camera/transform"))), len(chunks), given)
-    except (XmlError, ValueError, OverflowError) as error:
-        raise MetadataError(f"is no export of Metashape's cameras: {error}", path=path, remedy=_REMEDY) from error
+    with about(given.path, _REMEDY):
+        try:
+            root = parse_local(file_bytes(given.path, _MAX_BYTES, noun="export of Metashape"))
+            chunks = [root] if root.tag == "chunk" else root.findall("chunk")
+            if not chunks:
+                raise MetadataError("holds no chunk of Metashape")
+            return _chunk(max(chunks, key=lambda each: len(each.findall(".//camera/transform"))), len(chunks), given)
+        except (XmlError, ValueError, OverflowError) as error:
+            raise MetadataError(f"is no export of Metashape's cameras: {error}") from error
 
 
 def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
@@ -68,7 +68,7 @@ def _chunk(chunk: Element, chunks: int, given: PosesFile) -> ProgramPoses:
     aligned = {label: pose for label, pose in aligned.items() if label not in again}
     if not aligned:
         why = "no camera that is aligned" if not again else f"each aligned camera twice, as {min(again)}"
-        raise MetadataError(f"has {why}", path=given.path, remedy="Align the photographs first, each once.")
+        raise MetadataError(f"has {why}", remedy="Align the photographs first, each once.")
     keys = [key for _, key, _ in aligned.values()]
     main = max(sorted(set(keys), key=str), key=keys.count)
     others = count(len(keys) - keys.count(main), "photograph is", "photographs are")
@@ -123,21 +123,21 @@ def _placed(
             given.check_open()
             odd: list[Finding] = []
             if reference and "WGS 84" not in reference:
-                datum = parse_crs(reference, given.path).geodetic_crs
+                datum = parse_crs(reference).geodetic_crs
                 if datum is None or datum.ellipsoid.semi_major_metre != SEMI_MAJOR_M:
                     message = "is in the coordinates of another ellipsoid than that of WGS 84"
                     remedy = "Set the chunk's coordinate system to WGS 84, and export the cameras again."
-                    raise MetadataError(message, path=given.path, remedy=remedy)
+                    raise MetadataError(message, remedy=remedy)
                 centers = np.array([pose.center for pose in poses.values()])
                 points = centers if datum.is_geocentric else np.stack(ecef_to_geodetic(centers), axis=1)[:, [1, 0, 2]]
-                odd = to_geodetic(points, datum, given.path)[1]
+                odd = to_geodetic(points, datum, given.path.name)[1]
             origin, local = local_from_geocentric(poses)
             return local, True, origin, "in metres about the place it gives", odd
     if given.frame == METRES:
         return poses, True, None, "in metres, as was said", []
     if given.frame:
-        crs = parse_crs(given.frame, given.path)
-        origin, local, odd = local_from_crs(poses, crs, given.path)
+        crs = parse_crs(given.frame)
+        origin, local, odd = local_from_crs(poses, crs, given.path.name)
         return local, True, origin, f"in {crs.name}, as was said", odd
     if motion is not None and motion[1] and "LOCAL_CS" in reference:
         return poses, True, None, "in metres of its local coordinates", []

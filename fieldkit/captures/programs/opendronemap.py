@@ -20,7 +20,7 @@ from fieldkit.captures.crs import local_from_geodetic
 from fieldkit.captures.programs.model import ProgramPoses
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.json_file import json_number
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import SEMI_MAJOR_M, on_earth
 from fieldkit.geometry.pose import rotation_from_vector
@@ -128,7 +128,8 @@ def _camera(camera: Mapping[str, Any]) -> Intrinsics | None:
 def _document(path: Path, what: str) -> Iterator[Any]:
     """A file's JSON; whatever is wrong with its values within is a MetadataError that names the file."""
     try:
-        yield json.loads(file_bytes(path, _REMEDY, _MAX_BYTES, noun="result of OpenDroneMap"))
+        with about(path, _REMEDY):
+            yield json.loads(file_bytes(path, _MAX_BYTES, noun="result of OpenDroneMap"))
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
         raise MetadataError(f"is no {what} of OpenDroneMap: {error}", path=path, remedy=_REMEDY) from error
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fieldkit.documents.mistaken import refuse_other
-from fieldkit.errors import MetadataError, MissionError
+from fieldkit.errors import MetadataError, MissionError, about
 from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.limits import REMEDY
 from fieldkit.missions.files.litchi import litchi_bytes, read_litchi
@@ -84,12 +84,12 @@ def read_mission(path: Path) -> ReadMission:
     The file's name says its format. Nothing of an archive is unpacked to disk, XML with a document type is refused,
     and sizes, counts and numbers have limits.
     """
-    path = Path(path)
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        refuse_other(path, "mission", REMEDY)
-        raise MetadataError(f"is of no known mission format ({path.suffix or 'no suffix'})", path=path, remedy=REMEDY)
-    try:
-        return reader(path)
-    except RecursionError as error:
-        raise MetadataError("is nested far too deeply for a mission", path=path, remedy=REMEDY) from error
+    with about(path := Path(path), REMEDY):
+        reader = READERS.get(path.suffix.lower())
+        if reader is None:
+            refuse_other(path, "mission")
+            raise MetadataError(f"is of no known mission format ({path.suffix or 'no suffix'})")
+        try:
+            return reader(path)
+        except RecursionError as error:
+            raise MetadataError("is nested far too deeply for a mission") from error

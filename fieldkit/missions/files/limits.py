@@ -32,14 +32,14 @@ REMEDY = "Give a .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file."
 
 def read_bytes(path: Path) -> bytes:
     """The content of a mission file."""
-    return file_bytes(path, REMEDY, MAX_BYTES, noun="mission")
+    return file_bytes(path, MAX_BYTES, noun="mission")
 
 
 def read_text(path: Path) -> str:
     """The same as text, in UTF-8 with or without a byte order mark."""
-    text = decoded(read_bytes(path), path)
+    text = decoded(read_bytes(path))
     if "\0" in text:
-        raise MetadataError("is not text", path=path, remedy=REMEDY)
+        raise MetadataError("is not text")
     return text
 
 

@@ -11,7 +11,7 @@ import io
 from itertools import groupby
 from pathlib import Path
 
-from fieldkit.errors import MetadataError, MissionError
+from fieldkit.errors import MetadataError, MissionError, about
 from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, Unit, cannot_say, effects_of
 from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S, RoutePoint, route_points
@@ -101,18 +101,22 @@ def _row(mission: Mission, point: RoutePoint) -> str:
 
 def read_litchi(path: Path) -> ReadMission:
     """Read a Litchi CSV, metric or imperial, also with fewer action columns than there can be."""
-    text = read_text(path)
+    with about(path, _REMEDY):
+        return _read(read_text(path))
+
+
+def _read(text: str) -> ReadMission:
     try:
         rows = list(csv.reader(io.StringIO(text), delimiter=";" if ";" in text.partition("\n")[0] else ","))
     except csv.Error as error:
-        raise _error(path, f"is not CSV: {error}") from error
+        raise MetadataError(f"is not CSV: {error}") from error
     names = [name.strip().lower() for name in rows[0]] if rows else []
     if "latitude" not in names or "longitude" not in names or not any(n.startswith("altitude(") for n in names):
-        raise _error(path, "is no Litchi mission: its first row does not name latitude, longitude and altitude")
+        raise MetadataError("is no Litchi mission: its first row does not name latitude, longitude and altitude")
     filled = [(line, row) for line, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
     if len(filled) > MAX_ITEMS:
-        raise _error(path, f"has more than {MAX_ITEMS} waypoints")
-    cells = [_Row(path, names, row, line) for line, row in filled]
+        raise MetadataError(f"has more than {MAX_ITEMS} waypoints")
+    cells = [_Row(names, row, line) for line, row in filled]
     refused: list[tuple[int, str]] = []
     stops = [_stop(row, k, refused) for k, row in enumerate(cells)]
     custom = "headings count only with Litchi's Heading Mode set to Custom, and it lands only with Finish Action Land"
@@ -135,17 +139,17 @@ def read_litchi(path: Path) -> ReadMission:
 class _Row:
     """The cells of a row, by column."""
 
-    def __init__(self, path: Path, names: list[str], row: list[str], line: int) -> None:
+    def __init__(self, names: list[str], row: list[str], line: int) -> None:
         if len(row) > len(names):
-            raise _error(path, f"line {line} has {count(len(row), 'column')}, its header {len(names)}")
-        self.path, self.line, self.cells = path, line, dict(zip(names, row, strict=False))
+            raise MetadataError(f"line {line} has {count(len(row), 'column')}, its header {len(names)}")
+        self.line, self.cells = line, dict(zip(names, row, strict=False))
 
     def value(self, *keys: str) -> float | None:
         """The first of some columns that is filled."""
         text = next((self.cells[key] for key in keys if self.cells.get(key, "").strip()), "")
         found = number(text)
         if text.strip() and found is None:
-            raise _error(self.path, f"line {self.line}: {keys[0]} is not a number: {text[:20]!r}")
+            raise MetadataError(f"line {self.line}: {keys[0]} is not a number: {text[:20]!r}")
         return found
 
     def metres(self, name: str) -> float | None:
@@ -157,11 +161,11 @@ class _Row:
 def _stop(row: _Row, index: int, refused: list[tuple[int, str]]) -> ReadStop:
     latitude, longitude, height = row.value("latitude"), row.value("longitude"), row.metres("altitude")
     if latitude is None or longitude is None or height is None:
-        raise _error(row.path, f"line {row.line} lacks a latitude, longitude or altitude")
+        raise MetadataError(f"line {row.line} lacks a latitude, longitude or altitude")
     east, north = row.value("poi_longitude") or 0.0, row.value("poi_latitude") or 0.0
     for name, degrees in (("latitude", latitude), ("poi_latitude", north)):
         if abs(degrees) > 90.0:
-            raise _error(row.path, f"line {row.line}: {name} {degrees:g} is outside −90…90")
+            raise MetadataError(f"line {row.line}: {name} {degrees:g} is outside −90…90")
     place, above = GeoPoint(latitude, longitude, height), "ground" if row.value("altitudemode") == 1 else "home"
     mode, heading = row.value("gimbalmode"), row.value("heading(deg)", "heading")
     pitch = row.value("gimbalpitchangle") if mode == _INTERPOLATE else None
@@ -191,7 +195,3 @@ def _stop(row: _Row, index: int, refused: list[tuple[int, str]]) -> ReadStop:
         stops=held or not (row.value("curvesize(m)", "curvesize(ft)") or 0.0) > 0.0,
         speed_mps=row.value("speed(m/s)"),
     )
-
-
-def _error(path: Path, message: str) -> MetadataError:
-    return MetadataError(message, path=path, remedy=_REMEDY)

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from fieldkit.documents.json_file import read_json_object, validated
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry.geodesy import LocalFrame, on_earth
 from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS
 from fieldkit.missions.files.read_mission import ReadMission
@@ -178,17 +178,20 @@ def read_plan(path: Path) -> ReadMission:
 
     Complex items stand for the items that they carry; one that carries none is reported as an error.
     """
-    document = read_json_object(path, _REMEDY, noun="mission", max_bytes=MAX_BYTES)
-    plan = validated(_Plan, document, path, _REMEDY)
+    with about(path, _REMEDY):
+        return _read(validated(_Plan, read_json_object(path, noun="mission", max_bytes=MAX_BYTES)))
+
+
+def _read(plan: _Plan) -> ReadMission:
     entries, remarks = _unfolded(plan.mission.items)
-    items = validated(_Items, {"items": entries}, path, _REMEDY).items
+    items = validated(_Items, {"items": entries}).items
     ids = [number if item.jump_id is None else item.jump_id for number, item in enumerate(items, 1)]
     try:
         moved = tuple(_mission_item(item, number, ids) for number, item in enumerate(items, 1))
         home = _home(plan.mission.home)
         fence = _fence(plan.fence or _GeoFence())
     except ValueError as wrong:
-        raise MetadataError(str(wrong), path=path, remedy=_REMEDY) from wrong
+        raise MetadataError(str(wrong)) from wrong
     if home is None:
         remarks.append(error("no-home", "its plannedHomePosition does not say where home is"))
     goals = tuple(GeoPoint(latitude, longitude, 0.0) for latitude, longitude, _ in plan.rally.points)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission
@@ -64,21 +64,25 @@ def _text(value: float, digits: int = 6) -> str:
 
 def read_waypoints(path: Path) -> ReadMission:
     """Read a QGC WPL 110 file: tabs or spaces, any line ends, with or without a byte order mark."""
-    lines = read_text(path).splitlines()
+    with about(path, _REMEDY):
+        return _read(read_text(path).splitlines())
+
+
+def _read(lines: Sequence[str]) -> ReadMission:
     if not lines or lines[0].split() != HEADER.split():
         found = lines[0][:40] if lines else ""
-        raise _error(path, f"is no waypoints file: it begins with {found!r}, not {HEADER!r}")
+        raise MetadataError(f"is no waypoints file: it begins with {found!r}, not {HEADER!r}")
     rows: list[MissionItem] = []
     for line_number, line in enumerate(lines[1:], 2):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         if len(rows) >= MAX_ITEMS:
-            raise _error(path, f"has more than {MAX_ITEMS} rows")
-        rows.append(_read_row(path, line.split(), line_number))
+            raise MetadataError(f"has more than {MAX_ITEMS} rows")
+        rows.append(_read_row(line.split(), line_number))
     if rows and _is_home(rows[0]):
         latitude, longitude, altitude = rows[0].params[4:]
         if not (on_earth(latitude, longitude) and math.isfinite(altitude)):
-            raise _error(path, "row 0, home, is not at a latitude, longitude and altitude")
+            raise MetadataError("row 0, home, is not at a latitude, longitude and altitude")
         home = None if latitude == longitude == 0.0 else Home(latitude, longitude, altitude or None)
         return ReadMission("waypoints", items=tuple(rows[1:]), home=home)
     return ReadMission("waypoints", items=tuple(rows), first_number=0)
@@ -89,9 +93,9 @@ def _is_home(item: MissionItem) -> bool:
     return item.command in (0, Command.NAV_WAYPOINT) and item.frame == Frame.GLOBAL and item.params[0] == 0.0
 
 
-def _read_row(path: Path, columns: list[str], line: int) -> MissionItem:
+def _read_row(columns: list[str], line: int) -> MissionItem:
     if len(columns) != 12:
-        raise _error(path, f"line {line} has {count(len(columns), 'column')}, not 12")
+        raise MetadataError(f"line {line} has {count(len(columns), 'column')}, not 12")
     integers = []
     for name, text, high in (
         ("number", columns[0], 65535),
@@ -102,17 +106,13 @@ def _read_row(path: Path, columns: list[str], line: int) -> MissionItem:
     ):
         value = number(text)
         if value is None or value != int(value) or not 0 <= value <= high:
-            raise _error(path, f"line {line}: its {name} is {text[:20]!r}")
+            raise MetadataError(f"line {line}: its {name} is {text[:20]!r}")
         integers.append(int(value))
     values = []
     for column, text in enumerate(columns[4:11], 5):
         value = math.nan if text.lower() in ("nan", "-nan") else number(text)
         if value is None:
-            raise _error(path, f"line {line}: column {column} is not a number: {text[:20]!r}")
+            raise MetadataError(f"line {line}: column {column} is not a number: {text[:20]!r}")
         values.append(value)
     params = (values[0], values[1], values[2], values[3], values[4], values[5], values[6])
     return MissionItem(integers[3], integers[2], params, bool(integers[4]))
-
-
-def _error(path: Path, message: str) -> MetadataError:
-    return MetadataError(message, path=path, remedy=_REMEDY)

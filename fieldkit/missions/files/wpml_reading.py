@@ -22,7 +22,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from fieldkit.documents.xml_tree import XmlError, parse_local
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.effects import (
     WPML,
@@ -57,22 +57,26 @@ _INTERVALS: dict[str, Unit] = {"multipleTiming": "s", "multipleDistance": "m"}
 
 def read_wpml(path: Path) -> ReadMission:
     """Read a WPML .kmz."""
-    data = read_bytes(path)
-    waylines = _member(data, WAYLINES, path)
+    with about(path, _REMEDY):
+        return _read(read_bytes(path))
+
+
+def _read(data: bytes) -> ReadMission:
+    waylines = _member(data, WAYLINES)
     if waylines is None:
-        raise MetadataError(f"holds no {WAYLINES}: it is no DJI mission", path=path, remedy=_REMEDY)
+        raise MetadataError(f"holds no {WAYLINES}: it is no DJI mission")
     try:
         root = parse_local(waylines)
     except XmlError as error:
-        raise MetadataError(f"{WAYLINES}: {error}", path=path, remedy=_REMEDY) from error
+        raise MetadataError(f"{WAYLINES}: {error}") from error
     folders = list(root.iter("Folder"))
     if not folders:
-        raise MetadataError(f"{WAYLINES} has no Folder with a wayline", path=path, remedy=_REMEDY)
+        raise MetadataError(f"{WAYLINES} has no Folder with a wayline")
     config = root.find("Document/missionConfig")
     config = Element("missionConfig") if config is None else config
-    template = _template(data, path)
+    template = _template(data)
     position = config.findtext("payloadInfo/payloadPositionIndex") or "0"
-    reader = _Reader(path, _set_pitches(template), _stored_lenses(template), position)
+    reader = _Reader(_set_pitches(template), _stored_lenses(template), position)
     for folder in folders:
         reader.read_folder(folder)
     return ReadMission(
@@ -91,7 +95,7 @@ def read_wpml(path: Path) -> ReadMission:
     )
 
 
-def _member(data: bytes, name: str, path: Path) -> bytes | None:
+def _member(data: bytes, name: str) -> bytes | None:
     """A member of a zip archive, None where there is none; it is never unpacked to disk, and others never opened.
 
     Sizes are limited as they are declared and as they turn out.
@@ -117,17 +121,17 @@ def _member(data: bytes, name: str, path: Path) -> bytes | None:
         RuntimeError,
         ValueError,
     ) as error:
-        raise MetadataError("is not a zip archive that can be read", path=path, remedy=_REMEDY) from error
+        raise MetadataError("is not a zip archive that can be read") from error
     if len(members) > 1:
-        raise MetadataError(f"holds {name} more than once", path=path, remedy=_REMEDY)
+        raise MetadataError(f"holds {name} more than once")
     if max(members[0].file_size, len(content)) > _MAX_MEMBER_BYTES:
-        raise MetadataError(f"{name} in it would unpack to far more than a mission", path=path, remedy=_REMEDY)
+        raise MetadataError(f"{name} in it would unpack to far more than a mission")
     return content
 
 
-def _template(data: bytes, path: Path) -> Element:
+def _template(data: bytes) -> Element:
     try:
-        return parse_local(_member(data, TEMPLATE, path) or b"")
+        return parse_local(_member(data, TEMPLATE) or b"")
     except (XmlError, MetadataError):  # the waylines count
         return Element("kml")
 
@@ -220,7 +224,6 @@ def _text(element: Element | None) -> str:
 class _Reader:
     """Waypoints as they are read, and what is done at them, which stands in groups for several of them."""
 
-    path: Path
     set_pitches: dict[tuple[str, str], float | None]
     lenses: dict[str, str]
     payload: str
@@ -246,7 +249,7 @@ class _Reader:
         for placemark in folder.iter("Placemark"):
             here = len(self.stops)
             if here >= MAX_ITEMS:
-                raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=self.path, remedy=_REMEDY)
+                raise MetadataError(f"has more than {MAX_ITEMS} waypoints")
             self.stops.append(self._read_placemark(placemark, folder, template))
             index = _whole(placemark, "index")
             own = here - first if index is None else index
@@ -267,7 +270,7 @@ class _Reader:
         place = _pair(placemark.findtext("Point/coordinates") or "")
         height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
         if place is None or height is None:
-            raise MetadataError(f"waypoint {index} has no coordinates and height", path=self.path, remedy=_REMEDY)
+            raise MetadataError(f"waypoint {index} has no coordinates and height")
         mode = folder.findtext("executeHeightMode") or "relativeToStartPoint"
         heading = _own(placemark, folder, "HeadingParam", "waypointHeadingParam", "globalWaypointHeadingParam")
         turn = _own(placemark, folder, "TurnParam", "waypointTurnParam/waypointTurnMode", "globalWaypointTurnMode")

@@ -14,7 +14,7 @@ from pydantic import Field, JsonValue, ValidationError
 
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.json_file import first_problem, read_json_object, validated
-from fieldkit.errors import MetadataError, UsageError
+from fieldkit.errors import MetadataError, UsageError, about
 from fieldkit.files import atomic_folder, lock, storage_errors, write_atomic
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.problem import Trial
@@ -148,14 +148,15 @@ def open_run(path: Path) -> Iterator[RunFolder]:
 def read_settings(path: Path) -> SearchSettings:
     """search.json of a run folder."""
     file = path / SETTINGS_FILE
-    document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
-    return validated(SearchSettings, document, file, _REMEDY)
+    with about(file, _REMEDY):
+        return validated(SearchSettings, read_json_object(file, noun="run", max_bytes=_MAX_BYTES))
 
 
 def read_log(path: Path) -> list[LogEntry]:
     """evaluations.jsonl of a run folder, without a last line that is still being written."""
     log = path / LOG_FILE
-    content = file_bytes(log, _REMEDY, _MOST_LOG_BYTES, noun="run")
+    with about(log, _REMEDY):
+        content = file_bytes(log, _MOST_LOG_BYTES, noun="run")
     return _parsed(log, content[: content.rfind(b"\n") + 1])
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.errors import about
 from fieldkit.files import write_atomic
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.problem import PlanningProblem
@@ -148,8 +149,8 @@ def write_outcome(
 def read_outcome(path: Path) -> Outcome:
     """outcome.json of a run's folder."""
     file = path / OUTCOME_FILE
-    document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
-    return validated(Outcome, document, file, _REMEDY)
+    with about(file, _REMEDY):
+        return validated(Outcome, read_json_object(file, noun="run", max_bytes=_MAX_BYTES))
 
 
 def run_schemas() -> dict[str, str]:
