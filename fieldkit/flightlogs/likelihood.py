@@ -154,7 +154,7 @@ class Fit:
 
     def cost(self, observed: Observed, pairs: dict[int, int]) -> float:
         """Negative log-likelihood of an assignment of all photographs and triggers."""
-        i, j = np.array(list(pairs), dtype=int), np.array(list(pairs.values()), dtype=int)
+        i, j = _indices(pairs)
         extra = self.extra_costs(observed)
         total = float(self.pair_costs(observed, i, j).sum()) + float(np.delete(extra, i).sum())
         return total + _RARE * (len(observed.trigger_time) - len(pairs))
@@ -165,7 +165,7 @@ class Fit:
         Triggers before the first and after the last photograph count for nothing: they may be of another plot.
         """
         timed = np.isfinite(observed.photo_time)
-        i, j = np.array(list(pairs), dtype=int), np.array(list(pairs.values()), dtype=int)
+        i, j = _indices(pairs)
         residual = self.residual(observed.photo_time[i], observed.trigger_time[j])
         gain = len(i) * math.log(observed.span_s) - _time_cost(residual, self.jitter_s, observed.whole_seconds).sum()
         at = self.residual(np.zeros(1), observed.trigger_time)  # less each trigger's time on the camera's clock
@@ -187,7 +187,7 @@ class Fit:
 
 def fit_to(observed: Observed, before: Fit, pairs: dict[int, int]) -> Fit:
     """The clock, jitter and positions at which these pairs are likeliest."""
-    i, j = np.array(list(pairs), dtype=int), np.array(list(pairs.values()), dtype=int)
+    i, j = _indices(pairs)
     if len(i) == 0:
         return before
     fit = before
@@ -208,6 +208,11 @@ def fit_to(observed: Observed, before: Fit, pairs: dict[int, int]) -> Fit:
         spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(apart - shift)))
         fit = replace(fit, shift_m=shift, place_m=float(np.clip(spread, *_PLACE_RANGE_M)))
     return fit
+
+
+def _indices(pairs: dict[int, int]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """(k,) photographs and (k,) triggers."""
+    return np.array(list(pairs), dtype=int), np.array(list(pairs.values()), dtype=int)
 
 
 def assign(observed: Observed, fit: Fit, doubt: float) -> tuple[dict[int, int], set[int]]:

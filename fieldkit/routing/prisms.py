@@ -19,6 +19,8 @@ _ROUNDING_M = 1e-9
 _BLOCK = 16  # solids that are looked at only if a leg comes near any of them
 _THIRDS = 60
 """Steps by a third that find a leg's nearest place to 1e-10 of its length."""
+_EACH, _ANY, _ONCE = range(3)
+"""Of `_entries`: all solids count for every leg; one is enough for a leg; or a solid that was met is not used again."""
 _TURNS = np.pi / 8 * np.arange(8)
 _AXES = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
 
@@ -71,18 +73,18 @@ class Prisms:
 
         ``active`` (count,) are the solids that are looked at; all unless given.
         """
-        shares: FloatArray = _entries(a, b, *self._arrays, self._used(active), False)
+        shares: FloatArray = _entries(a, b, *self._arrays, self._used(active), _EACH)
         return shares
 
     def blocked(self, a: FloatArray, b: FloatArray, active: BoolArray | None = None) -> BoolArray:
         """(n,) whether legs are in a solid; as `entries`, faster."""
-        shares: FloatArray = _entries(a, b, *self._arrays, self._used(active), True)
+        shares: FloatArray = _entries(a, b, *self._arrays, self._used(active), _ANY)
         return shares < np.inf
 
     def met(self, a: FloatArray, b: FloatArray) -> BoolArray:
         """(count,) whether any of the legs is in each solid."""
-        found: BoolArray = _met(a, b, *self._arrays)
-        return found
+        _entries(a, b, *self._arrays, left := self._used(None), _ONCE)
+        return ~left
 
     def least_m(self, a: FloatArray, b: FloatArray) -> float:
         """Least distance between legs and solids; 0 where a leg is in one, infinite without solids."""
@@ -187,7 +189,7 @@ def _beside(span, spans, index):
 
 
 @kernel
-def _entries(a, b, edges, first, tops, spans, blocks, block_tops, used, any_will_do):
+def _entries(a, b, edges, first, tops, spans, blocks, block_tops, used, how):
     shares = np.full(len(a), np.inf)
     span = np.empty((len(_AXES), 2))
     for leg in range(len(a)):
@@ -200,27 +202,13 @@ def _entries(a, b, edges, first, tops, spans, blocks, block_tops, used, any_will
                 if used[solid] and low < tops[solid] and not _beside(span, spans, solid):
                     share = _entry(a, b, leg, edges, first[solid], first[solid + 1], tops[solid])
                     shares[leg] = min(shares[leg], share)
-                    if any_will_do and share < np.inf:
+                    if how == _ONCE and share < np.inf:
+                        used[solid] = False
+                    if how == _ANY and share < np.inf:
                         break
-            if any_will_do and shares[leg] < np.inf:
+            if how == _ANY and shares[leg] < np.inf:
                 break
     return shares
-
-
-@kernel
-def _met(a, b, edges, first, tops, spans, blocks, block_tops):
-    found = np.zeros(len(tops), dtype=np.bool_)
-    span = np.empty((len(_AXES), 2))
-    for leg in range(len(a)):
-        _span(a, b, leg, span)
-        low = min(a[leg, 2], b[leg, 2])
-        for block in range(len(blocks)):
-            if low >= block_tops[block] or _beside(span, blocks, block):
-                continue
-            for solid in range(block * _BLOCK, min(block * _BLOCK + _BLOCK, len(tops))):
-                if not found[solid] and low < tops[solid] and not _beside(span, spans, solid):
-                    found[solid] = _entry(a, b, leg, edges, first[solid], first[solid + 1], tops[solid]) < np.inf
-    return found
 
 
 @kernel

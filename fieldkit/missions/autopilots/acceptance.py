@@ -43,97 +43,81 @@ class Result(IntEnum):
 
 
 Four = tuple[float, float, float, float]
-_Kept = Callable[[Four], Four]
 
 
-def _u16(value: float) -> float:
-    return float(int(value) & 0xFFFF)
+def _within(bits: int, signed: bool = False) -> Callable[[float], float]:
+    """A number as an integer of so many bits keeps it."""
+    low = 1 << bits - 1 if signed else 0
+    return lambda value: float((int(value) + low & (1 << bits) - 1) - low)
 
 
-def _i16(value: float) -> float:
-    return float((int(value) + 0x8000 & 0xFFFF) - 0x8000)
-
-
-def u8(value: float) -> float:
-    """A number as ArduPilot keeps it in 8 bits."""
-    return float(int(value) & 0xFF)
-
-
-def _i8(value: float) -> float:
-    return float((int(value) + 0x80 & 0xFF) - 0x80)
-
-
-def _turn(value: float) -> float:
-    return -1.0 if value < 0 else 1.0
-
-
-def _nothing(_p: Four) -> Four:
-    return 0.0, 0.0, 0.0, 0.0
-
-
-def _whole_first(p: Four) -> Four:
-    return _u16(p[0]), 0.0, 0.0, 0.0
-
-
-def _as_sent(p: Four) -> Four:
-    return p
-
-
-def _loiter_turns(p: Four) -> Four:
-    return u8(p[0]), 0.0, math.copysign(u8(abs(p[2])), p[2]), float(p[3] > 0)
-
-
-def _yaw(p: Four) -> Four:
-    return p[0], p[1], _i8(p[2]), u8(p[3])
-
-
-_PLACED: Mapping[int, _Kept] = {
-    16: _whole_first,  # NAV_WAYPOINT: hold in whole seconds; radius, pass and yaw are dropped
-    17: lambda p: (0.0, 0.0, _turn(p[2]), 0.0),  # NAV_LOITER_UNLIM
-    18: _loiter_turns,
-    19: lambda p: (_u16(p[0]), 0.0, _turn(p[2]), float(p[3] > 0)),  # NAV_LOITER_TIME
-    21: lambda p: (_u16(p[0]), 0.0, 0.0, -1.0 if p[3] < 0 else 1.0),  # NAV_LAND
-    22: _whole_first,  # NAV_TAKEOFF
-    31: lambda p: (0.0, math.copysign(_u16(abs(p[1])), p[1]), 0.0, float(p[3] > 0)),  # NAV_LOITER_TO_ALT
-    82: _whole_first,  # NAV_SPLINE_WAYPOINT
-    84: _nothing,  # NAV_VTOL_TAKEOFF
-    94: lambda p: (_u16(p[0] * 100) / 100, 0.0, 0.0, 0.0),  # NAV_PAYLOAD_PLACE
-    179: _whole_first,  # DO_SET_HOME
-    189: _nothing,  # DO_LAND_START
-    201: _whole_first,  # DO_SET_ROI
+u8 = _within(8)
+"""A number as ArduPilot keeps it in 8 bits."""
+_u16 = _within(16)
+_KEPT: Mapping[str, Callable[[float], float]] = {
+    "0": lambda _: 0.0,
+    "f": float,
+    "B": u8,
+    "b": _within(8, signed=True),
+    "H": _u16,
+    "h": _within(16, signed=True),
+    "M": lambda value: math.copysign(u8(abs(value)), value),
+    "N": lambda value: math.copysign(_u16(abs(value)), value),
+    "c": lambda value: _u16(value * 100) / 100,
+    "+": lambda value: float(value > 0),
+    "?": lambda value: float(value != 0),
+    "-": lambda value: -1.0 if value < 0 else 1.0,
 }
-"""Measured commands with a place, and what is kept of their first four parameters."""
+"""What is kept of a parameter, by a letter: nothing, all, so many bits as of `struct`, with magnitude and sign (M of 8,
+N of 16), hundredths in 16, whether it is above 0 or is not 0, its sign."""
 
-_PLACELESS: Mapping[int, _Kept] = {
-    20: _nothing,  # NAV_RETURN_TO_LAUNCH
-    93: lambda p: (p[0], _i8(p[1]), _i8(p[2]), _i8(p[3])),  # NAV_DELAY
-    112: lambda p: (p[0], 0.0, 0.0, 0.0),  # CONDITION_DELAY
-    114: lambda p: (p[0], 0.0, 0.0, 0.0),  # CONDITION_DISTANCE
-    115: _yaw,  # CONDITION_YAW
-    177: lambda p: (_u16(p[0]), _i16(p[1]), 0.0, 0.0),  # DO_JUMP
-    178: lambda p: (u8(p[0]), p[1], p[2], 0.0),  # DO_CHANGE_SPEED
-    181: lambda p: (u8(p[0]), u8(p[1]), 0.0, 0.0),  # DO_SET_RELAY
-    183: lambda p: (u8(p[0]), _u16(p[1]), 0.0, 0.0),  # DO_SET_SERVO
-    193: lambda p: (u8(p[0]), 0.0, 0.0, 0.0),  # DO_PAUSE_CONTINUE
-    202: lambda p: (u8(p[0]), _u16(p[1]), p[2], u8(p[3])),  # DO_DIGICAM_CONFIGURE
-    203: lambda p: (u8(p[0]), u8(p[1]), _i8(p[2]), u8(p[3])),  # DO_DIGICAM_CONTROL
-    205: lambda p: (p[0], p[1], p[2], 0.0),  # DO_MOUNT_CONTROL: the mode in z is dropped
-    206: lambda p: (p[0], 0.0, float(p[2] != 0), 0.0),  # DO_SET_CAM_TRIGG_DIST
-    207: _whole_first,  # DO_FENCE_ENABLE
-    213: lambda p: (p[0], p[1], float(p[2] > 0), 0.0),  # NAV_SET_YAW_SPEED
-    215: lambda p: (_u16(p[0]), 0.0, 0.0, 0.0),  # DO_SET_RESUME_REPEAT_DIST
-    217: lambda p: (_u16(p[0]), p[1], p[2], p[3]),  # DO_SEND_SCRIPT_MESSAGE
-    218: lambda p: (_u16(p[0]), u8(p[1]), 0.0, 0.0),  # DO_AUX_FUNCTION
-    531: lambda p: (u8(p[0]), p[1], 0.0, 0.0),  # SET_CAMERA_ZOOM
-    532: lambda p: (u8(p[0]), p[1], 0.0, 0.0),  # SET_CAMERA_FOCUS
-    534: lambda p: (u8(p[0]), u8(p[1]), u8(p[2]), 0.0),  # SET_CAMERA_SOURCE
-    600: _whole_first,  # JUMP_TAG
-    1000: lambda p: (_i8(p[0]), _i16(p[1]), _i8(p[2]), _i8(p[3])),  # DO_GIMBAL_MANAGER_PITCHYAW: whole degrees
-    2000: lambda p: (u8(p[0]), p[1], _u16(p[2]), _u16(p[3])),  # IMAGE_START_CAPTURE
-    2001: lambda p: (u8(p[0]), 0.0, 0.0, 0.0),  # IMAGE_STOP_CAPTURE
-    2500: lambda p: (u8(p[0]), 0.0, 0.0, 0.0),  # VIDEO_START_CAPTURE
-    2501: lambda p: (u8(p[0]), 0.0, 0.0, 0.0),  # VIDEO_STOP_CAPTURE
-    42703: lambda p: (_u16(p[0]), _i16(p[1]), _i8(p[2]), _i16(p[3])),  # NAV_ATTITUDE_TIME
+_PLACED: Mapping[int, str] = {
+    16: "H000",  # NAV_WAYPOINT: hold in whole seconds; radius, pass and yaw are dropped
+    17: "00-0",  # NAV_LOITER_UNLIM
+    18: "B0M+",  # NAV_LOITER_TURNS
+    19: "H0-+",  # NAV_LOITER_TIME
+    21: "H00-",  # NAV_LAND
+    22: "H000",  # NAV_TAKEOFF
+    31: "0N0+",  # NAV_LOITER_TO_ALT
+    82: "H000",  # NAV_SPLINE_WAYPOINT
+    84: "0000",  # NAV_VTOL_TAKEOFF
+    94: "c000",  # NAV_PAYLOAD_PLACE
+    179: "H000",  # DO_SET_HOME
+    189: "0000",  # DO_LAND_START
+    201: "H000",  # DO_SET_ROI
+}
+"""Measured commands with a place, and what is kept of their first four parameters (`_KEPT`)."""
+
+_PLACELESS: Mapping[int, str] = {
+    20: "0000",  # NAV_RETURN_TO_LAUNCH
+    93: "fbbb",  # NAV_DELAY
+    112: "f000",  # CONDITION_DELAY
+    114: "f000",  # CONDITION_DISTANCE
+    115: "ffbB",  # CONDITION_YAW
+    177: "Hh00",  # DO_JUMP
+    178: "Bff0",  # DO_CHANGE_SPEED
+    181: "BB00",  # DO_SET_RELAY
+    183: "BH00",  # DO_SET_SERVO
+    193: "B000",  # DO_PAUSE_CONTINUE
+    202: "BHfB",  # DO_DIGICAM_CONFIGURE
+    203: "BBbB",  # DO_DIGICAM_CONTROL
+    205: "fff0",  # DO_MOUNT_CONTROL: the mode in z is dropped
+    206: "f0?0",  # DO_SET_CAM_TRIGG_DIST
+    207: "H000",  # DO_FENCE_ENABLE
+    213: "ff+0",  # NAV_SET_YAW_SPEED
+    215: "H000",  # DO_SET_RESUME_REPEAT_DIST
+    217: "Hfff",  # DO_SEND_SCRIPT_MESSAGE
+    218: "HB00",  # DO_AUX_FUNCTION
+    531: "Bf00",  # SET_CAMERA_ZOOM
+    532: "Bf00",  # SET_CAMERA_FOCUS
+    534: "BBB0",  # SET_CAMERA_SOURCE
+    600: "H000",  # JUMP_TAG
+    1000: "bhbb",  # DO_GIMBAL_MANAGER_PITCHYAW: whole degrees
+    2000: "BfHH",  # IMAGE_START_CAPTURE
+    2001: "B000",  # IMAGE_STOP_CAPTURE
+    2500: "B000",  # VIDEO_START_CAPTURE
+    2501: "B000",  # VIDEO_STOP_CAPTURE
+    42703: "Hhbh",  # NAV_ATTITUDE_TIME
 }
 """Measured commands without a place. Of x, y and z only DO_GIMBAL_MANAGER_PITCHYAW's and DO_DIGICAM_CONTROL's count."""
 
@@ -191,9 +175,9 @@ def height_problem(altitude_m: float) -> Result | None:
 
 def kept_params(command: int, params: Four) -> Four:
     """What is kept of the first four parameters of an item that is taken; NaN as 0."""
-    first, second, third, fourth = (0.0 if math.isnan(value) else value for value in params)
-    kept = _PLACED.get(command) or _PLACELESS.get(command, _as_sent)
-    return kept((first, second, third, fourth))
+    kept = _PLACED.get(command) or _PLACELESS.get(command, "ffff")
+    p1, p2, p3, p4 = (_KEPT[how](0.0 if math.isnan(value) else value) for how, value in zip(kept, params, strict=True))
+    return p1, p2, p3, p4
 
 
 def in_centimetres(metres: float) -> float:
