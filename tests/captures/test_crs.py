@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ from fieldkit.errors import MetadataError
 )
 def test_what_lies_metres_off_is_refused(code: str, x: float, y: float, message: str, remedy: str) -> None:
     with pytest.raises(MetadataError, match=re.escape(message)) as caught:
-        to_wgs84(np.array([[x, y, 0.0]]), parse_crs(code, None), Path("a"))
+        to_wgs84(np.array([[x, y, 0.0]]), parse_crs(code))
     assert remedy in caught.value.remedy
 
 
@@ -40,7 +39,7 @@ def test_what_lies_metres_off_is_refused(code: str, x: float, y: float, message:
     ],
 )
 def test_other_datums_are_told_with_their_metres(code: str, x: float, y: float, said: str | None) -> None:
-    text = to_wgs84(np.array([[x, y, 4.9e6]]), parse_crs(code, None), None)[1]
+    text = to_wgs84(np.array([[x, y, 4.9e6]]), parse_crs(code))[1]
     findings = parse_geo_txt(f"{code}\na.jpg {x} {y} 4.9e6\n")[1]
     assert (said or "") in text
     assert [(f.code, f.message) for f in findings] == ([("gps-datum", text)] if said else [])

@@ -1,7 +1,5 @@
 """markers.toml: what it says, and every way to get it wrong."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -58,7 +56,7 @@ def test_it_is_read_with_the_capture(photo_file: MakePhoto) -> None:
 )
 def test_mistakes(text: str, words: str) -> None:
     with pytest.raises(MetadataError) as caught:
-        parse_markers_file(text, Path("markers.toml"))
+        parse_markers_file(text)
     assert words in caught.value.message
     assert caught.value.remedy
 

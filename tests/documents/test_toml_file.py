@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.documents.toml_file import parse_toml, read_versioned, toml_document
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, about
 
 TEXT = "# Höhe\nformat = 1\n[home]\nlatitude_deg = 50.8649\n"
 READ = {"format": 1, "home": {"latitude_deg": 50.8649}}
@@ -17,10 +17,10 @@ def test_the_document_of_a_file(tmp_path: Path, mark: bytes) -> None:
     path = tmp_path / "a.toml"
     data = mark + TEXT.encode()
     path.write_bytes(data)
-    assert read_versioned(path, "site file", "Ask.", len(data)) == {"home": READ["home"]}
-    assert toml_document("\ufeff" + TEXT, None, "Ask.") == READ
+    assert read_versioned(path, "site file", len(data)) == {"home": READ["home"]}
+    assert toml_document("\ufeff" + TEXT) == READ
     with pytest.raises(MetadataError, match="is far too large for a site file"):
-        read_versioned(path, "site file", "Ask.", len(data) - 1)
+        read_versioned(path, "site file", len(data) - 1)
 
 
 @pytest.mark.parametrize(
@@ -37,8 +37,8 @@ def test_the_document_of_a_file(tmp_path: Path, mark: bytes) -> None:
 def test_mistakes_are_told_on_one_line(tmp_path: Path, data: bytes, words: str) -> None:
     path = tmp_path / "a.toml"
     path.write_bytes(data)
-    with pytest.raises(MetadataError, match=words) as caught:
-        read_versioned(path, "site file", "Ask.", 1 << 20)
+    with pytest.raises(MetadataError, match=words) as caught, about(path, "Ask."):
+        read_versioned(path, "site file", 1 << 20)
     assert caught.value.path == path
     assert caught.value.remedy
     assert "\n" not in caught.value.message

@@ -91,7 +91,7 @@ def test_mavsdk4_holds_only_the_triggers() -> None:
 
 def test_dataflash_messages_are_those_that_pymavlink_reads(tmp_path: Path) -> None:
     packed = recording("mount_then_yaw.BIN.gz")
-    data = _unpacked(packed.read_bytes(), packed, 1 << 30)
+    data = _unpacked(packed.read_bytes(), 1 << 30)
     file = tmp_path / "flight.BIN"
     file.write_bytes(data)
     names = {"CAM", "MNT", "ATT", "POS", "GPS", "XKF1", "ORGN", "GPA"}
