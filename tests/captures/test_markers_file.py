@@ -1,11 +1,13 @@
 """markers.toml: what it says, and every way to get it wrong."""
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.captures import MarkerDistance, MarkersFile, read_capture
-from fieldkit.captures.markers_file import parse_markers_file
+from fieldkit.captures.markers_file import parse_markers_file, read_markers_file
 from fieldkit.errors import FieldkitError, MetadataError
 from tests.captures.photographs import MakePhoto
 
@@ -54,9 +56,11 @@ def test_it_is_read_with_the_capture(photo_file: MakePhoto) -> None:
         (BOOK + DISTANCE + DISTANCE.replace("3", "9") + "[[distance]]\na = 7\nb = 3\ndistance_m = 1\n", "1 and 3"),
     ],
 )
-def test_mistakes(text: str, words: str) -> None:
+def test_mistakes(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "markers.toml"
+    path.write_text(text)
     with pytest.raises(MetadataError) as caught:
-        parse_markers_file(text)
+        read_markers_file(path)
     assert words in caught.value.message
     assert caught.value.remedy
 

@@ -1,10 +1,12 @@
 """poses.csv: lenient in form, strict in content."""
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.captures.poses_csv import PoseRow, parse_poses_csv
+from fieldkit.captures.poses_csv import PoseRow, parse_poses_csv, read_poses_csv
 from fieldkit.errors import FieldkitError, MetadataError
 
 HEADER = "image,x_m,y_m,z_m"
@@ -157,9 +159,11 @@ def test_what_metashape_writes_besides() -> None:
         (f"{HEADER}\na.jpg,1,2,3\na.jpg,1,2,4\n", ["line 3", "a.jpg", "line 2"]),
     ],
 )
-def test_mistakes_name_the_line_and_the_column(text: str, words: list[str]) -> None:
+def test_mistakes_name_the_line_and_the_column(text: str, words: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text(text)
     with pytest.raises(MetadataError) as caught:
-        parse_poses_csv(text)
+        read_poses_csv(path)
     assert all(word in caught.value.message for word in words), caught.value.message
     assert caught.value.remedy
 
