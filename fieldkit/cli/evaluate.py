@@ -12,13 +12,11 @@ from fieldkit.cli.common import JsonOption, LogOption, PlotIdOption, emit_json, 
 from fieldkit.cli.options import Panels
 from fieldkit.cli.reconstruction_options import (
     RECONSTRUCTION,
+    ComputingOptions,
     PosesOptions,
-    RunOptions,
-    SchedulerOption,
     TiesOption,
     parse_distances,
     parse_frame,
-    run_context,
     with_ties,
 )
 from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
@@ -54,8 +52,7 @@ def command(
     settings: Annotated[EvaluationSettings, SETTINGS],
     ties: TiesOption = None,
     poses: PosesOptions,
-    run: RunOptions,
-    scheduler: SchedulerOption = "",
+    run: ComputingOptions,
     as_json: JsonOption = False,
 ) -> int:
     """Reconstruct new captures of one or many plots and score them against a reference.
@@ -103,7 +100,7 @@ def command(
             given.append("--ground")
         folder = _campaign_folder(campaign, given)
         whole = settings if shared else None
-        return _in_campaign(folder, captures, run, scheduler, shared=whole, ground=ground, as_json=as_json)
+        return _in_campaign(folder, captures, run, shared=whole, ground=ground, as_json=as_json)
     if shared:
         raise UsageError("--shared is of a campaign", remedy="Leave -o out, or give --plots instead.")
     if campaign is not None:
@@ -126,8 +123,7 @@ def command(
     from fieldkit.evaluation.flight import evaluate_flight
     from fieldkit.pictures.overview import write_overviews
 
-    computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
-    with computing as context:
+    with run.context(as_json=as_json) as context:
         try:
             if plots is not None:
                 report = evaluate_flight(
@@ -178,8 +174,7 @@ def _campaign_folder(campaign: Path | None, given: Sequence[str]) -> Path:
 def _in_campaign(
     folder: Path,
     captures: Path,
-    run: RunOptions,
-    scheduler: str,
+    run: ComputingOptions,
     *,
     shared: EvaluationSettings | None,
     ground: Path | None,
@@ -189,8 +184,7 @@ def _in_campaign(
     from fieldkit.campaign.run import evaluate_campaign
     from fieldkit.campaign.shared import evaluate_shared
 
-    computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
-    with computing as context:
+    with run.context(as_json=as_json) as context:
         if shared is not None:
             done = evaluate_shared(folder, captures, context, ground=ground, rasters=shared.wanted_rasters)
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
@@ -86,6 +86,17 @@ class RunOptions:
                 "--resume goes on from what the cache holds, and --no-cache does without",
                 remedy="Give one of the two.",
             )
+
+
+@dataclass(frozen=True)
+class ComputingOptions(RunOptions):
+    """The same, perhaps on a cluster."""
+
+    scheduler: SchedulerOption = ""
+
+    def context(self, *, as_json: bool) -> AbstractContextManager[Context]:
+        """See `run_context`."""
+        return run_context(as_json=as_json, workers=self.workers, scheduler=self.scheduler, no_cache=self.no_cache)
 
 
 def parse_frame(option: str, text: str) -> str:

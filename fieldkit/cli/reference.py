@@ -8,11 +8,9 @@ from typing import Annotated
 from fieldkit.cli.common import JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.reconstruction_options import (
     RECONSTRUCTION,
+    ComputingOptions,
     PosesOptions,
-    RunOptions,
-    SchedulerOption,
     TiesOption,
-    run_context,
     with_ties,
 )
 from fieldkit.errors import UsageError
@@ -26,8 +24,7 @@ def command(
     poses: PosesOptions,
     ties: TiesOption = None,
     *,
-    run: RunOptions,
-    scheduler: SchedulerOption = "",
+    run: ComputingOptions,
     no_scene: bool = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -56,8 +53,7 @@ def command(
     from fieldkit.evaluation.reference import build_reference
     from fieldkit.pictures.overview import write_overviews
 
-    computing = run_context(as_json=as_json, workers=run.workers, scheduler=scheduler, no_cache=run.no_cache)
-    with computing as context:
+    with run.context(as_json=as_json) as context:
         report = build_reference(
             images,
             output,

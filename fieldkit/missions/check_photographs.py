@@ -200,15 +200,10 @@ def deviations(
     if not usable or not planned:
         return ()
     frame = LocalFrame(home.latitude_deg, home.longitude_deg)
-    taken = PoseArray(
-        _local(frame, [shot.place for shot in usable if shot.place is not None]),
-        np.array([np.nan if shot.heading_deg is None else shot.heading_deg for shot in usable]),
-        np.array([np.nan if shot.pitch_deg is None else shot.pitch_deg for shot in usable]),
-    )
-    wanted = PoseArray(
-        _local(frame, [shot.place for shot in planned]),
-        np.array([shot.yaw_deg for shot in planned]),
-        np.array([shot.pitch_deg for shot in planned]),
+    there = _local(frame, [shot.place for shot in usable if shot.place is not None])
+    taken = PoseArray.of([(at, shot.heading_deg, shot.pitch_deg) for at, shot in zip(there, usable, strict=True)])
+    wanted = PoseArray.of(
+        [(at, s.yaw_deg, s.pitch_deg) for at, s in zip(_local(frame, [s.place for s in planned]), planned, strict=True)]
     )
     pairs = dict(associate(taken, wanted, offset_m=np.zeros(3)).station_of)
     # One that looks elsewhere belongs to the station at its place all the same: that it does is what is to be said.

@@ -202,7 +202,23 @@ class MissionBurst(Strict):
     """From one to the next."""
 
 
-class MissionFlight(Strict):
+class Stops:
+    """What has stops."""
+
+    stops: tuple[Any, ...]
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """The stops with photographs."""
+        return tuple(stop for stop in self.stops if isinstance(stop, Shot))
+
+    @property
+    def passings(self) -> tuple[Passing, ...]:
+        """Photographs taken in passing."""
+        return tuple(stop for stop in self.stops if isinstance(stop, Passing))
+
+
+class MissionFlight(Stops, Strict):
     """From take-off to landing. Legs lead from above home to every stop in turn and to the landing place."""
 
     name: str
@@ -231,25 +247,15 @@ class MissionFlight(Strict):
         return found if self.burst else {key: value for key, value in found.items() if key != "burst"}
 
     @property
-    def stations(self) -> tuple[Shot, ...]:
-        """The stops with photographs."""
-        return tuple(stop for stop in self.stops if isinstance(stop, Shot))
-
-    @property
-    def passings(self) -> tuple[Passing, ...]:
-        """Photographs taken in passing."""
-        return tuple(stop for stop in self.stops if isinstance(stop, Passing))
-
-    @property
     def photographs(self) -> int:
         """How many are taken."""
-        return len(self.stations) * (self.burst.photographs if self.burst else 1) + len(self.passings)
+        return len(self.shots) * (self.burst.photographs if self.burst else 1) + len(self.passings)
 
     @property
     def plots(self) -> tuple[str, ...]:
         """Names, in the order they are flown."""
         shown = (plot for passing in self.passings for plot in passing.plots)
-        return tuple(dict.fromkeys((*(station.plot for station in self.stations), *shown)))
+        return tuple(dict.fromkeys((*(station.plot for station in self.shots), *shown)))
 
 
 class MissionRecord(Strict):

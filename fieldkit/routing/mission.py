@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fieldkit.results.mission import GeoPoint, Home, Passing, Shot, Via
+from fieldkit.results.mission import GeoPoint, Home, Passing, Shot, Stops, Via
 from fieldkit.vocabulary import BURST_INTERVAL_S
 
 __all__ = ["NO_FENCE", "Fence", "GeoPoint", "Home", "Mission", "Passing", "Shot", "Via"]
@@ -32,7 +32,7 @@ NO_FENCE = Fence()
 
 
 @dataclass(frozen=True)
-class Mission:
+class Mission(Stops):
     """One flight."""
 
     name: str
@@ -66,13 +66,3 @@ class Mission:
     def interval_s(self) -> float:
         """From one photograph of a burst to the next."""
         return burst_s(2, self.exposure_s)
-
-    @property
-    def shots(self) -> tuple[Shot, ...]:
-        """The stops with photographs."""
-        return tuple(stop for stop in self.stops if isinstance(stop, Shot))
-
-    @property
-    def passings(self) -> tuple[Passing, ...]:
-        """Photographs taken in passing."""
-        return tuple(stop for stop in self.stops if isinstance(stop, Passing))

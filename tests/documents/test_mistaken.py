@@ -41,25 +41,25 @@ def given(folder: Path) -> dict[str, Path]:
 def test_every_swap_is_named_and_nothing_right_refused(noun: str, tmp_path: Path) -> None:
     for kind, path in given(tmp_path).items():
         if kind == noun:
-            refuse_other(path, noun, "")
+            refuse_other(path, noun)
             continue
         with pytest.raises(MetadataError, match=rf"is an? {kind}, not an? {noun}$"):
-            refuse_other(path, noun, "")
+            refuse_other(path, noun)
 
 
 def test_the_folder_of_a_missing_result_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     reference = given(tmp_path)["reference"]
     with pytest.raises(MetadataError, match="is a reference, not a plan") as caught:
-        refuse_other(reference / "plan.json", "plan", "")
+        refuse_other(reference / "plan.json", "plan")
     assert caught.value.path == reference
     monkeypatch.chdir(reference)
-    refuse_other(Path("plan.json"), "plan", "")  # nobody gave the folder
+    refuse_other(Path("plan.json"), "plan")  # nobody gave the folder
 
 
 def test_what_cannot_be_told_is_left_to_its_reader(tmp_path: Path) -> None:
     (tmp_path / "broken.toml").write_bytes(b"\xff [")
     for name in ("nowhere", "broken.toml", "a\0b", ""):
-        refuse_other(tmp_path / name, "plan", "")
+        refuse_other(tmp_path / name, "plan")
 
 
 def test_swapped_coordinates_are_told_apart_from_wrong_ones() -> None:

@@ -188,7 +188,7 @@ def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path
     assert flown_plan(plan, plot, fit=False) is plan
     files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan", MissionSettings(burst=5))
     (flight,) = load_mission(files[1]).flights
-    (station,) = flight.stations
+    (station,) = flight.shots
     assert flight.photographs == 5
     assert station.station == 3
     assert station.height_m == pytest.approx(fitted.stations[3].position_m[2], abs=0.01)
@@ -253,7 +253,7 @@ class TestRefly:
         assert flown == {5, 10}  # as the plan's picture numbers them
         # What `export-mission` writes of itself, so that a report shows it.
         record = load_mission(files[1])
-        assert {station.station for flight in record.flights for station in flight.stations} == {4, 9}
+        assert {station.station for flight in record.flights for station in flight.shots} == {4, 9}
         assert record.plots[0].plan.sha256 == hashlib.sha256(plan_bytes(plan)).hexdigest()  # the whole plan's
         assert {entry.name for entry in record.files} == {"again.plan", "again.geojson"}
         assert record.name.endswith(", again")

@@ -141,9 +141,9 @@ def test_a_vehicle_that_cannot_shoot_in_passing_stops_for_every_photograph(tmp_p
     moving, _ = exported(tmp_path, field())
     done, record = exported(tmp_path, field(), vehicle.model_copy(update={"trigger": trigger}))
     assert not any(flight.passings for flight in record.flights)
-    places = [shot.place for flight in record.flights for shot in flight.stations]
+    places = [shot.place for flight in record.flights for shot in flight.shots]
     assert places == [shot.place for each in moving.routed.flights for shot in each.mission.passings]
-    assert record.flights[0].stations[0].plot == "1"
+    assert record.flights[0].shots[0].plot == "1"
     assert all(each.flight.time.battery <= 1.0 for each in done.routed.flights)
 
 

@@ -55,7 +55,7 @@ def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
 def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> Section:
     """A mission's way over the plots."""
     mission, flight = result.report, result.report.flight
-    stations, burst = flight.stations, 1 if flight.burst is None else flight.burst.photographs
+    stations, burst = flight.shots, 1 if flight.burst is None else flight.burst.photographs
     figures = [
         KeyFigure("photographs", f"{flight.photographs}"),
         KeyFigure("plots", f"{len(flight.plots)}"),

@@ -150,7 +150,7 @@ def mission_view(result: Loaded[FlownMission], _: Results) -> NotedView:
     """A mission's way, photographs and limits, in metres about home."""
     record, flight = result.report.record, result.report.flight
     frame = SiteFrame(record.home)
-    shots: list[Shot | Passing] = [*flight.stations, *flight.passings]
+    shots: list[Shot | Passing] = [*flight.shots, *flight.passings]
     poses = [
         Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
         for position, s in zip(frame.points(shots), shots, strict=True)
