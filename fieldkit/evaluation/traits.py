@@ -274,11 +274,13 @@ def sways_m(found: Reconstruction) -> dict[str, float]:
 
 def scale_doubt(sparse: SparseResult) -> float:
     """By which share a model's scale may be off: `scale_error` of the cameras' places, with the RMS of the positions'
-    residuals. 0 where no positions are known.
+    residuals; else that of printed markers. 0 where nothing is known.
 
     Residuals are distances, so it is up to √3 times a standard error, which is per axis. That is on the safe side, and
     what the limits and the errors of traits were set by.
     """
+    if sparse.frame.scale_error is not None:
+        return sparse.frame.scale_error
     centers = sparse.centers if sparse.placed_by is None else sparse.placed_by
     if sparse.frame.rms_m is None or len(centers) < LEAST_POSITIONS:
         return 0.0

@@ -67,6 +67,8 @@ def detect_markers(gray: ByteArray, dictionary: str) -> list[MarkerDetection]:
 AGREE = 0.02
 """A length that differs from the scale's by more than this share is an outlier: a tape reads to a few millimetres per
 metre, printers scale to "fit the page" by 3 % and more."""
+_LEAST_ERROR = 0.005
+"""Relative standard error of a scale that several lengths give, at least: they may share the tape's or printer's."""
 _SQUARE = 0.1
 """Largest difference of a marker's sides, as a share."""
 _MIN_ANGLE_DEG = 1.0
@@ -83,6 +85,8 @@ class MarkerScale:
     """Metres per model unit."""
     inliers: int
     """How many known lengths it rests on."""
+    error: float
+    """Its relative standard error."""
     corners: Mapping[int, FloatArray]
     """(4, 3) per marker number, model units."""
     notes: tuple[str, ...]
@@ -220,4 +224,6 @@ def _robust_scale(
         doubt.append("as many known lengths speak for another scale as for this one; measure again")
     elif len(measured) == 1:
         doubt.append(f"the scale rests on one length alone ({measured[0][0]})")
-    return MarkerScale(scale, int(inlier.sum()), dict(corners), (*notes, *outliers, *doubt))
+    spread = np.log(known / units)[inlier]
+    error = AGREE if len(spread) == 1 else max(_LEAST_ERROR, float(spread.std(ddof=1) / np.sqrt(len(spread))))
+    return MarkerScale(scale, len(spread), error, dict(corners), (*notes, *outliers, *doubt))

@@ -57,7 +57,13 @@ from fieldkit.reconstruction.plot_frame import (
 )
 from fieldkit.reconstruction.quality_flags import quality_flags
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
-from fieldkit.reconstruction.scale import POSITIONS_TOO_COARSE, scale_by_markers, source_of_scale
+from fieldkit.reconstruction.scale import (
+    OF_POSITIONS_SCALE,
+    POSITIONS_TOO_COARSE,
+    scale_by_markers,
+    source_of_scale,
+    wants_markers,
+)
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import hull_volume, outlines
 from fieldkit.reconstruction.stages import StageTimer, load_pictures
@@ -272,7 +278,7 @@ def place(
 
     To ``findings`` those are added that mapping makes.
     """
-    progress = context.progress
+    progress, read = context.progress, len(findings)
     priors = known_poses(capture, known_plot.source if known_plot is not None else None)
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     region = known_plot.region if known_plot is not None else None
@@ -283,16 +289,23 @@ def place(
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture, mapped)
     scale = None
-    if not mapped.metric and capture.markers is not None:
-        with progress.stage("Markers", len(capture.photos)) as advance:
-            scale = scale_by_markers(mapped.model, capture, seed=settings.seed, advance=advance)
+    doubtful = not mapped.metric or (known_plot is None and wants_markers(priors, mapped.images))
+    if doubtful and capture.markers is not None:
+        try:
+            with progress.stage("Markers", len(capture.photos)) as advance:
+                scale = scale_by_markers(mapped.model, capture, seed=settings.seed, advance=advance)
+            findings[:] = [finding for finding in findings if finding.code not in OF_POSITIONS_SCALE]
+        except ReconstructionError as error:
+            if not mapped.metric:
+                raise
+            progress.note(error.message)
     frame, motion = _frame(mapped, priors, settings, known_plot, scale)
     transform_model(mapped.model, motion)
     poses = _counting(mapped, model_poses(mapped.model))
     intrinsics = _counting(mapped, model_intrinsics(mapped.model))
     undetermined = _undetermined(capture, mapped, poses, intrinsics)
     findings += undetermined
-    for note in (*frame.notes, *(finding.message for finding in (*mapped.findings, *undetermined))):
+    for note in (*frame.notes, *(finding.message for finding in findings[read:])):
         progress.note(note)
     if known_plot is not None or frame.origin is not None:
         check_upright(poses, capture)
@@ -381,6 +394,7 @@ def _frame(
         rms_m=float(np.sqrt(np.mean(np.square(residuals)))) if residuals else None,
         bound_m=float(np.median(bounds)) if bounds and mapped.metric else None,
         ground=ground,
+        scale_error=None if scale is None else scale.error,
         notes=(*priors.notes, *mapped.notes, *of_scale),
     )
     return frame, motion

@@ -42,6 +42,8 @@ class MetricFrame:
     """The largest position residual that counts as right (median over images); None without positions."""
     ground: Plane | None
     """Fitted plane in the plot frame, or None where none was found."""
+    scale_error: float | None = None
+    """Relative standard error of the scale that printed markers gave; None where they gave none."""
     notes: tuple[str, ...] = ()
     ground_sigma_m: float = 0.0
     """Standard deviation of the ground's height below the plot, beyond that of soil in plain view, metres."""

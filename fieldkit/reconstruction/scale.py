@@ -3,7 +3,7 @@
 1. Known positions do, where their errors leave a scale: those stated before mapping (`may_give_scale`), and those that
    the model shows after it (`scale_error_of_model`). Else mapping is done without them, and no pose is checked by them.
 2. Another program's poses without a frame of their own have no metres: `SourceFrame.scaled`.
-3. Printed markers do, where positions do not (`scale_by_markers`).
+3. Printed markers do, where positions do not or give a doubtful one (`scale_by_markers`).
 4. Else nothing does, and the result says so (`source_of_scale`).
 """
 
@@ -31,6 +31,11 @@ LARGEST_SCALE_ERROR = 0.2
 """Relative standard error from which positions give no scale: chance alone never comes near five times its spread."""
 _TOLD_SCALE_ERROR = 0.03
 """Relative standard error of a scale from which it is told."""
+_DOUBTFUL = 0.01
+"""Relative standard error of the positions' scale from which that of printed markers is taken: these are good to half a
+percent."""
+OF_POSITIONS_SCALE = ("scale-uncertain", POSITIONS_TOO_COARSE)
+"""Codes of findings that hold no more once markers give the scale."""
 _LEAST_APART = 0.25
 """Of a stated σ: so much at least differs between the photographs of a flight."""
 _SIMILARITY = 7  # parameters
@@ -102,28 +107,35 @@ def scale_findings(name: str, priors: Priors, error: float) -> list[Finding]:
     return [Finding(name, code, f"{message}; {remedy}")]
 
 
+def wants_markers(priors: Priors, images: Sequence[ImageReport]) -> bool:
+    """Whether printed markers better the scale that known positions gave a model."""
+    return scale_error_of_model(priors, images) > _DOUBTFUL
+
+
 def scale_by_markers(
     model: pycolmap.Reconstruction, capture: Capture, *, seed: int, advance: Callable[[int], None]
 ) -> MarkerScale:
-    """Scale a model, in place, by the printed markers seen in its photographs."""
+    """Scale a model, in place and about the middle of its cameras, by the printed markers seen in its photographs."""
     assert capture.markers is not None
     detections = {}
     for photo in capture.photos:
         detections[photo.name] = detect_markers(read_image(photo, gray=True), capture.markers.dictionary)
         advance(1)
-    scale = marker_scale(detections, model_poses(model), model_intrinsics(model), capture.markers, seed=seed)
-    transform_model(model, Similarity(scale.scale, np.eye(3), np.zeros(3)))
+    poses = model_poses(model)
+    scale = marker_scale(detections, poses, model_intrinsics(model), capture.markers, seed=seed)
+    middle = np.mean([pose.center for pose in poses.values()], axis=0)
+    transform_model(model, Similarity(scale.scale, np.eye(3), (1.0 - scale.scale) * middle))
     return scale
 
 
 def source_of_scale(priors: Priors, markers: MarkerScale | None, *, metric: bool) -> tuple[str, tuple[str, ...]]:
-    """What a model has its scale from ("none": its lengths are not metres), and what is to be noted of it.
+    """What a model has its place from, else its scale ("none": its lengths are not metres), and what is to be noted.
 
-    ``markers`` is the scale that they gave, if they had to; ``metric`` says whether the model has that of the known
-    positions.
+    ``markers`` is the scale that they gave; ``metric`` says whether the model has the place of the known positions.
     """
-    if markers is not None:
-        return "markers", markers.notes
+    notes = () if markers is None else markers.notes
     if metric and priors.frame is not None:
-        return priors.frame.source, ()
+        return priors.frame.source, notes
+    if markers is not None:
+        return "markers", notes
     return "none", ("no metric source: the result has no scale, and its lengths are not metres",)

@@ -2,18 +2,21 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.markers import AGREE
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.scale import LARGEST_SCALE_ERROR, scale_error, sigma_apart
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.context import Context
-from tests.reconstruction.test_unknown_focal_length import CENTERS, codes, nadir, photographed
+from tests.reconstruction.test_unknown_focal_length import CENTERS, codes, ground, nadir, photographed
 
 CODES = {"scale-uncertain", "positions-too-coarse"}
 
@@ -59,6 +62,23 @@ def test_positions_finer_than_the_spread_stay_metric(flight: Path, accuracy_m: f
     assert result.right == len(CENTERS)
     assert {i.right for i in result.images} == {True}
     assert CODES & set(codes(result)) == told
+
+
+def test_printed_markers_give_the_scale_where_positions_give_a_doubtful_one(tmp_path: Path) -> None:
+    picture, side_m = ground().copy(), 1.6
+    tag = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), 5, 160)
+    picture[900:1100, 900:1100] = cv2.copyMakeBorder(tag[::-1], 20, 20, 20, 20, cv2.BORDER_CONSTANT, value=255)
+    flight = photographed(tmp_path / "flight", nadir(), equivalent=20, picture=picture)
+    stretched = (1.07 * np.array(CENTERS)).tolist()
+    without = placed(flight, stretched, 1.0)
+    assert CODES & set(codes(without)) == {"scale-uncertain"}
+    (flight / "markers.toml").write_text(f'dictionary = "DICT_APRILTAG_36h11"\nside_m = {side_m}')
+    result = placed(flight, stretched, 1.0)
+    assert (result.frame.source, CODES & set(codes(result))) == ("poses.csv", set())
+    assert result.frame.scale_error == AGREE
+    assert pdist(result.centers) == pytest.approx(pdist(CENTERS), rel=0.01)
+    (flight / "markers.toml").write_text('dictionary = "DICT_4X4_50"\nside_m = 1.0')
+    assert pdist(placed(flight, stretched, 1.0).centers) == pytest.approx(pdist(without.centers))
 
 
 @pytest.mark.parametrize(("count", "spread_m", "sigma_m"), [(20, 30.0, 3.0), (10, 0.25, 0.01)])

@@ -36,10 +36,10 @@ def ground(side: int = 2000) -> np.ndarray:
     return np.clip(picture, 0, 255).astype(np.uint8)
 
 
-def photographed(folder: Path, poses: list[Pose], *, equivalent: int | None) -> Path:
+def photographed(folder: Path, poses: list[Pose], *, equivalent: int | None, picture: np.ndarray | None = None) -> Path:
     """Photographs of the ground from poses (metres), with their positions in poses.csv."""
     folder.mkdir()
-    picture, lines = ground(), ["image,x_m,y_m,z_m,accuracy_m"]
+    picture, lines = ground() if picture is None else picture, ["image,x_m,y_m,z_m,accuracy_m"]
     camera = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
     to_metres = np.array([[0.01, 0, -7.0], [0, 0.01, -8.0], [0, 0, 1]])  # of the picture's pixels
     for k, pose in enumerate(poses):
