@@ -20,7 +20,7 @@ from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.file_bytes import decoded, file_bytes
 from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.errors import MetadataError, about
-from fieldkit.figures.content import Column, Table, tabulated
+from fieldkit.figures.content import Table, tabulated
 from fieldkit.figures.registry import FIGURES
 from fieldkit.figures.style import decimal
 from fieldkit.files import write_atomic
@@ -120,8 +120,8 @@ class Agreement:
                     "plot": pair.visit.plot,
                     "date": pair.visit.date,
                     FIGURES["height_m"].column: FIGURES["height_m"].cell(pair.visit),
-                    Column("by hand, m", True): decimal(pair.measured_m, 3),
-                    Column("difference, m", True): _signed(pair.difference_m),
+                    "by hand, m>": decimal(pair.measured_m, 3),
+                    "difference, m>": _signed(pair.difference_m),
                     "within the error": {True: "yes", False: "no", None: None}[pair.within],
                 }
                 for pair in self.pairs

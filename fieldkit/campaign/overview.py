@@ -165,7 +165,7 @@ def _grid(campaign: Campaign) -> Table:
         for plot in [*(plot.name for plot in campaign.plots), *campaign.vanished]
     )
     caption = f"Campaign {campaign.name}: distance (photographs used of all){more}"
-    return Table(caption, (Column("plot"), *map(Column, dates)), rows)
+    return Table(caption, tuple(map(Column, ("plot", *dates))), rows)
 
 
 def _cell(visit: Visit | None, campaign: Campaign) -> str | None:
@@ -187,9 +187,9 @@ def _ranking_table(entries: Sequence[Ranked], caption: str) -> Table:
         [
             {
                 "plot": entry.visit.plot,
-                Column("rank", True): f"{entry.rank}{'=' if entry.tied else ''}",
-                Column("chamfer, mm", True): f"{'≈ ' * entry.predicted}{millimetres(entry.value_m)}",
-                Column("nine in ten, mm", True): _scatter(entry),
+                "rank>": f"{entry.rank}{'=' if entry.tied else ''}",
+                "chamfer, mm>": f"{'≈ ' * entry.predicted}{millimetres(entry.value_m)}",
+                "nine in ten, mm>": _scatter(entry),
             }
             for entry in entries
         ],

@@ -228,22 +228,13 @@ def _plain(report: CheckReport) -> dict[str, Any]:
 
 def check_blocks(report: CheckReport) -> list[Block]:
     """A plot's stations and what was found of them."""
-    from fieldkit.figures.content import Column, Mark, Table
+    from fieldkit.figures.content import Mark, Table, column
     from fieldkit.figures.style import DASH, decimal
     from fieldkit.results.plan import station_number
 
     blocks: list[Block] = []
     if report.stations:
-        columns = (
-            Column("station", True),
-            Column("photograph"),
-            Column("edges, px", True),
-            Column("stops", True),
-            Column("off, m", True),
-            Column("turned, °", True),
-            Column("matches with"),
-            Column("verdict"),
-        )
+        columns = ("station>", "photograph", "edges, px>", "stops>", "off, m>", "turned, °>", "matches with", "verdict")
         rows = tuple(
             (
                 str(station_number(each.station)),
@@ -259,7 +250,7 @@ def check_blocks(report: CheckReport) -> list[Block]:
             )
             for each in report.stations
         )
-        blocks.append(Table(report.name, columns, rows))
+        blocks.append(Table(report.name, tuple(map(column, columns)), rows))
     if report.findings:
         found = tuple(
             (
@@ -269,9 +260,9 @@ def check_blocks(report: CheckReport) -> list[Block]:
             )
             for finding in report.findings
         )
-        heads, first = (Column("station", True), Column("finding"), Column("what was found")), int(not report.stations)
+        heads, first = tuple(map(column, ("station>", "finding", "what was found"))), int(not report.stations)
         blocks.append(Table("Findings", heads[first:], tuple(row[first:] for row in found)))
     if report.extra:
         extra = tuple((name,) for name in report.extra[:20])
-        blocks.append(Table("Photographs of no station", (Column("photograph"),), extra))
+        blocks.append(Table("Photographs of no station", (column("photograph"),), extra))
     return blocks

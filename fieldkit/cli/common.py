@@ -207,12 +207,11 @@ def show(*parts: str | Path | Iterable[RenderableType]) -> None:
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[RenderableType]:
-    """A table with all its rows, for `show`; columns whose name ends in ">" hold figures."""
-    from fieldkit.figures.content import Column, Table
+    """A table with all its rows, for `show`."""
+    from fieldkit.figures.content import Table, column
     from fieldkit.figures.terminal import rendered
 
-    labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
-    return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)
+    return rendered([Table(caption, tuple(map(column, columns)), tuple(map(tuple, rows)))], most_rows=None)
 
 
 def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: float = 0.0) -> tuple[float, ...]:

@@ -124,6 +124,11 @@ class Column:
     """Left out if there is little room."""
 
 
+def column(label: str) -> Column:
+    """Of a label; one that ends in ">" is of figures."""
+    return Column(label.rstrip(">"), label.endswith(">"))
+
+
 @dataclass(frozen=True)
 class Table:
     """A table; the first column names the row."""
@@ -142,7 +147,7 @@ class Table:
 
 
 Row: TypeAlias = dict[str | Column, Cell]
-"""Cells by column; a plain text is the label of a column of words."""
+"""Cells by column; a plain text is that of `column`."""
 
 
 def tabulated(caption: str, rows: Sequence[Row], note: str = "") -> Table:
@@ -155,7 +160,7 @@ def tabulated(caption: str, rows: Sequence[Row], note: str = "") -> Table:
     more = f"The first {MOST_ROWS} of {len(rows)}." if len(rows) > MOST_ROWS else ""
     return Table(
         caption,
-        tuple(Column(key) if isinstance(key, str) else key for key in columns),
+        tuple(column(key) if isinstance(key, str) else key for key in columns),
         tuple(tuple(row[key] for key in columns) for row in shown),
         f"{note} {more}".strip(),
     )

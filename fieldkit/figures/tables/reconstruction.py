@@ -70,7 +70,7 @@ def photograph_table(images: Sequence[ImageReport], caption: str, *, metric: boo
             {
                 "photograph": i.name,
                 Column("state", detail=True): state(i),
-                Column("features", True): f"{i.features:,}",
+                "features>": f"{i.features:,}",
                 Column("points seen", True, detail=True): f"{i.observations:,}",
                 Column("reprojection, px", True, detail=True): decimal(i.reprojection_px),
                 Column(f"position residual{', m' * metric}", True, detail=True): decimal(i.position_residual_m, 3),
@@ -104,10 +104,10 @@ def stage_table(report: ReconstructionEntry) -> Table:
         [
             {
                 "stage": name,
-                Column("items", True): items,
-                Column("from cache", True): cached,
-                Column("time", True): format_seconds(wall_s),
-                Column("CPU time", True): format_seconds(cpu_s),
+                "items>": items,
+                "from cache>": cached,
+                "time>": format_seconds(wall_s),
+                "CPU time>": format_seconds(cpu_s),
             }
             for name, items, cached, wall_s, cpu_s in [*rows, ("all", "", "", report.seconds, report.cpu_seconds)]
         ],
@@ -127,7 +127,7 @@ def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
         [
             {
                 "finding": code,
-                Column("files", True): f"{len(names):,}",
+                "files>": f"{len(names):,}",
                 "what was found": f"{told(names)}: {'left out: ' if left_out else ''}{message}",
             }
             for (code, message, left_out), names in groups.items()

@@ -52,14 +52,14 @@ def distance_table(plot: PlotEvaluation) -> Table:
         "How much lies within a distance",
         [
             {
-                Column("within, mm", True): f"{1000.0 * float(distance):g}",
+                "within, mm>": f"{1000.0 * float(distance):g}",
                 Column("of its points (precision), %", True, short="precision, %"): percent(
                     (plot.precision or {}).get(distance)
                 ),
                 Column("of the reference's (recall), %", True, short="recall, %"): percent(
                     (plot.recall or {}).get(distance)
                 ),
-                Column("F‑score", True): decimal(value, 3),
+                "F‑score>": decimal(value, 3),
             }
             for distance, value in (plot.f_score or {}).items()
         ],
@@ -109,7 +109,7 @@ def quality_table(caption: str, plots: Sequence[Scored], lead: Callable[[Scored]
                 Column("state", detail=True): _state(plot),
                 Column("photographs used", True, short="used"): f"{plot.right} of {plot.images}",
                 **cells(plot, [*columns, predicted]),
-                Column("nine in ten, mm", True): interval(*predicted_interval(plot)),
+                "nine in ten, mm>": interval(*predicted_interval(plot)),
                 **cells(plot, [FIGURES["pose_rms_m"]]),
                 Column("notes", detail=True): "; ".join(_notes(plot)) or None,
             }
@@ -203,7 +203,7 @@ def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
     return tabulated(
         "Photographs that do not count",
         [
-            {"plot": plot.name, "why": why, Column("photographs", True): f"{number:,}"}
+            {"plot": plot.name, "why": why, "photographs>": f"{number:,}"}
             for plot in plots
             for why, number in plot.unregistered.items()
         ],
@@ -220,11 +220,11 @@ ACHIEVED_BY = {
 _MOST_NAMES = 20
 """Most photographs that are named."""
 _AXES = {
-    "east_m": (Column("east, m", True), 2),
-    "north_m": (Column("north, m", True), 2),
-    "up_m": (Column("up, m", True), 2),
-    "yaw_deg": (Column("yaw, °", True), 1),
-    "pitch_deg": (Column("pitch, °", True), 1),
+    "east_m": ("east, m>", 2),
+    "north_m": ("north, m>", 2),
+    "up_m": ("up, m>", 2),
+    "yaw_deg": ("yaw, °>", 1),
+    "pitch_deg": ("pitch, °>", 1),
 }
 
 
@@ -236,10 +236,10 @@ def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
             {
                 "plot": plot.name,
                 "by": found.achieved_by,
-                Column("stations", True): f"{(n := len(found.stations))} of {n + len(found.missing)}",
-                Column("horizontal, m", True): decimal(found.horizontal_rms_m),
-                Column("yaw, °", True): decimal(found.yaw_rms_deg),
-                Column("pitch, °", True): decimal(found.pitch_rms_deg),
+                "stations>": f"{(n := len(found.stations))} of {n + len(found.missing)}",
+                "horizontal, m>": decimal(found.horizontal_rms_m),
+                "yaw, °>": decimal(found.yaw_rms_deg),
+                "pitch, °>": decimal(found.pitch_rms_deg),
             }
             for plot in plots
             if (found := plot.adherence) is not None
@@ -254,8 +254,8 @@ def station_table(found: AdherenceEntry) -> Table:
             "station": s.station,
             "photograph": s.image,
             **{column: decimal(getattr(s, axis), digits) for axis, (column, digits) in _AXES.items()},
-            Column("speed, m/s", True): decimal(s.speed_mps),
-            Column("turning, °/s", True): decimal(s.turning_dps, 1),
+            "speed, m/s>": decimal(s.speed_mps),
+            "turning, °/s>": decimal(s.turning_dps, 1),
         }
         for s in found.stations
     ]

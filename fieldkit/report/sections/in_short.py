@@ -20,6 +20,7 @@ from fieldkit.figures.content import (
     Statement,
     Statements,
     Table,
+    column,
     tabulated,
 )
 from fieldkit.figures.registry import FIGURES
@@ -215,7 +216,7 @@ def demo_traits(report: DemoReport, evaluations: Mapping[str, Sequence[PlotEvalu
             row: Row = {"plot": name, "views": each.name}
             for figure in (FIGURES[key] for key in _TRUE):
                 known = getattr(report.truth.get(plot), figure.key, None)
-                row |= {figure.column: figure.cell(each), Column(f"true, {figure.unit}", True): figure.number(known)}
+                row |= {figure.column: figure.cell(each), f"true, {figure.unit}>": figure.number(known)}
             rows.append(row)
     return tabulated("Plants, measured and true", rows)
 
@@ -241,11 +242,7 @@ def demo_table(report: DemoReport) -> Table:
     return Table(
         TITLE,
         (
-            Column("plot"),
-            Column("compared with"),
-            Column("circle, mm", True),
-            Column("planned, mm", True),
-            Column("planned views are"),
+            *map(column, ("plot", "compared with", "circle, mm>", "planned, mm>", "planned views are")),
             Column("photographs used", True, detail=True),
         ),
         tuple(_rows(report)),

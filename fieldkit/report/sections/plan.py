@@ -72,10 +72,10 @@ def mission_section(result: Loaded[FlownMission], anchor: str, shown: Shown) -> 
             {
                 "photograph": f"{number}" if burst == 1 else f"{(number - 1) * burst + 1} to {number * burst}",
                 "plot": station.plot,
-                Column("station", True): f"{station_number(station.station)}",
-                Column("east of home, m", True): decimal(east),
-                Column("north of home, m", True): decimal(north),
-                Column("height above home, m", True): decimal(up),
+                "station>": f"{station_number(station.station)}",
+                "east of home, m>": decimal(east),
+                "north of home, m>": decimal(north),
+                "height above home, m>": decimal(up),
                 **_angles(station),
             }
             for number, (station, (east, north, up)) in enumerate(zip(stations, positions, strict=True), 1)
@@ -97,9 +97,9 @@ def finalist_table(outcome: Outcome) -> Table:
             {
                 "trial": f"{found.number + 1}{', the plan' * (found.number == best)}",
                 Column("how it was proposed", short="from"): found.origin,
-                Column("expected, mm", True): millimetres(found.expected_m),
+                "expected, mm>": millimetres(found.expected_m),
                 Column("in the search, mm", True, short="search, mm"): millimetres(found.search_value_m),
-                Column("confirmed, mm", True): millimetres(found.value_m),
+                "confirmed, mm>": millimetres(found.value_m),
                 Column("spread, mm", True, short="±, mm"): millimetres(found.spread_m),
                 Column("expected after all evaluations, mm", True, short="kind, mm"): millimetres(found.kind_m),
                 Column("photographs used", short="used"): ", ".join(map(str, found.right)),
@@ -133,7 +133,7 @@ def _figures(result: PlanRun) -> Iterator[KeyFigure]:
 
 
 def _stations(plan: Plan) -> Table:
-    axes = [Column(f"{axis}, m", True) for axis in "xyz"]
+    axes = [f"{axis}, m>" for axis in "xyz"]
     return tabulated(
         "Stations",
         [
@@ -150,8 +150,8 @@ def _stations(plan: Plan) -> Table:
 
 def _angles(station: Station | Shot) -> Row:
     return {
-        Column("yaw, °", True): decimal(station.yaw_deg % 360.0, 1),
-        Column("pitch, °", True): decimal(station.pitch_deg, 1),
+        "yaw, °>": decimal(station.yaw_deg % 360.0, 1),
+        "pitch, °>": decimal(station.pitch_deg, 1),
     }
 
 
