@@ -18,7 +18,7 @@ from fieldkit.evaluation.settings import EvaluationSettings
 from fieldkit.files import file_beside, named_file
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.results.evaluation import PlotEvaluation
-from fieldkit.results.fields import Strict
+from fieldkit.results.fields import Sha256, Strict
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, file_sha256, load_evaluation_report
@@ -48,7 +48,7 @@ class ReferenceTable(Strict):
     plot: Name
     path: FileName
     """Folder that `fieldkit reference` wrote; relative to the campaign's folder, or absolute."""
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    sha256: Sha256
     """Of its reference.json."""
 
 

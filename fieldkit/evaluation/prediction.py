@@ -11,10 +11,10 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
 from fieldkit.results.evaluation import Prediction, ReconstructionEntry
-from fieldkit.results.fields import Strict
+from fieldkit.results.fields import Ordinal, Strict
 
 if TYPE_CHECKING:
     from fieldkit.reconstruction.evidence import Evidence
@@ -54,8 +54,8 @@ class Guard(Strict):
     """Range of a figure in the fit; it may take no part in the sum."""
 
     name: str
-    low: Annotated[float, Field(gt=0)]
-    high: Annotated[float, Field(gt=0)]
+    low: PositiveFloat
+    high: PositiveFloat
 
 
 class FeatureFit(Guard):
@@ -64,23 +64,23 @@ class FeatureFit(Guard):
     coefficient: float
     """Of the logarithm's distance from ``mean``, in units of ``scale``."""
     mean: float
-    scale: Annotated[float, Field(gt=0)]
+    scale: PositiveFloat
 
 
 class PredictionModel(Strict):
     """prediction.json: log chamfer distance, linear in logarithms of figures."""
 
     kind: Literal["prediction"] = "prediction"
-    version: Annotated[int, Field(ge=1)]
+    version: Ordinal
     intercept: float
     """Mean of log(chamfer_m) in the fit."""
     features: Annotated[tuple[FeatureFit, ...], Field(min_length=1)]
     guards: tuple[Guard, ...] = ()
-    half_width: Annotated[float, Field(gt=0)]
+    half_width: PositiveFloat
     """Of the interval, in log(chamfer_m): conformal, from the errors of scenes left out one at a time."""
     coverage: Annotated[float, Field(gt=0, lt=1)]
     """That the interval is made for."""
-    plots: Annotated[int, Field(ge=1)]
+    plots: Ordinal
     scenes: tuple[str, ...]
     chamfer_range_m: tuple[float, float]
     """Least and greatest of the fit."""

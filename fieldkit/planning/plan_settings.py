@@ -9,10 +9,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from fieldkit.errors import UsageError
-from fieldkit.results.fields import Count, Length, Pitch, Strict
+from fieldkit.results.fields import Count, Length, Ordinal, Pitch, Strict
 from fieldkit.vocabulary import WEIGHTS, MappingName, Preset, SearchFidelity, Stage
 from fieldkit.wording import count
 
@@ -88,7 +96,7 @@ class SearchChoices(Strict):
     """What looks for them: ring where plans are for a kind and nothing of a search is given
     (with the preset paper score), else field."""
     seed: Count = 0
-    evaluations: Annotated[int, Field(ge=1)] = 100
+    evaluations: Ordinal = 100
     """Limit of the search, 100 where not given; confirmations of the finalists come on top."""
     fidelity: SearchFidelity = "standard"
     """Of the search, standard where not given. Draft costs two fifths less, but its best of good sets is not the
@@ -98,9 +106,9 @@ class SearchChoices(Strict):
     mapping: MappingName = "prior"
     refine: bool = False
     """Align and scale each cloud to the reference by ICP before it is scored."""
-    finalists: Annotated[int, Field(ge=1)] = 3
+    finalists: Ordinal = 3
     """Best sets that are evaluated again before one is chosen; of plots of a kind those that are not clearly behind."""
-    plots: Annotated[int, Field(ge=1)] = 1
+    plots: Ordinal = 1
     """Plots that the plan is for: those given, and others drawn of their kind; 8 for a kind where not given."""
     repeats: Count = 2
     """Fresh seeds that each finalist is confirmed at; 0 leaves the confirmation out."""
@@ -125,9 +133,9 @@ class TrialSettings(Strict):
     """Plan passes over all of these plots (plots.geojson) instead of stations about one."""
     stage: Stage | None = None
     """Of growth; by the plots' plant_height_m where not given."""
-    minutes: Annotated[float, Field(gt=0)] | None = None
+    minutes: PositiveFloat | None = None
     """The least errors in so many minutes of flight; one battery's where nothing is given."""
-    height_error_m: Annotated[float, Field(gt=0)] | None = None
+    height_error_m: PositiveFloat | None = None
     """The fewest minutes for such an error of plants' height, such as 4cm."""
 
     @model_validator(mode="after")

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.plan_settings import NoiseSettings, SearchChoices
-from fieldkit.results.fields import Count, Strict
+from fieldkit.results.fields import Count, Sha256, Strict
 from fieldkit.results.plan import PlanSource
 
 CHANGEABLE = ("evaluations", "at_least", "finalists", "repeats")
@@ -21,7 +21,7 @@ class SearchVehicle(Strict):
     name: str
     """Of fieldkit's profile, or of the file."""
     title: str
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    sha256: Sha256
     """Of the file."""
 
 

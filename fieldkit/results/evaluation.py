@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from fieldkit.arrays import FloatArray
 from fieldkit.geometry import Pose
-from fieldkit.results.fields import Count, Length, Sha256, Share, Strict, Text, Vector, vector
+from fieldkit.results.fields import Count, Length, Ordinal, Sha256, Share, Strict, Text, Vector, vector
 from fieldkit.results.finding import DOUBTFUL, Finding
 from fieldkit.results.frame import CameraReport, FrameEntry, VolumeEntry
 from fieldkit.results.traits import PlantEntry, RowEntry, TraitsEntry
@@ -244,7 +244,7 @@ class CorrectionEntry(Strict):
 
     translation_m: Vector
     angle_deg: Length
-    scale: Annotated[float, Field(gt=0)]
+    scale: PositiveFloat
     rms_m: Length
     """Of the correspondences' distances afterwards."""
 
@@ -330,7 +330,7 @@ class Prediction(Strict):
     """Nine in ten plots like those of the fit lie between low_m and high_m."""
     reason: Text
     """Why nothing can be said; empty otherwise."""
-    model: Annotated[int, Field(ge=1)]
+    model: Ordinal
     """Version of the fit."""
 
 
@@ -343,7 +343,7 @@ class PlotEvaluation(ReconstructionEntry):
     """One by one, of a plot of a flight that says how far its rows are apart."""
     outline: tuple[tuple[float, float], ...] = ()
     """Corners (x, y) of a plot of a flight, in the frame of all its plots."""
-    unregistered: dict[str, Annotated[int, Field(gt=0)]] = {}  # noqa: RUF012 - pydantic copies it
+    unregistered: dict[str, PositiveInt] = {}  # noqa: RUF012 - pydantic copies it
     """Number of images that do not count, by reason (up to its colon; image_reports hold the whole)."""
     chamfer_m: Length | None = None
     """accuracy_m + completeness_m."""
@@ -376,7 +376,7 @@ class FlightEntry(Strict):
     """Those that count, as of a plot."""
     loose: Count
     """Those of them that nothing confirms, or whose place is not known well."""
-    unregistered: dict[str, Annotated[int, Field(gt=0)]]
+    unregistered: dict[str, PositiveInt]
     """As of a plot."""
     pose_rms_m: Length | None
     """As of a plot."""
@@ -396,7 +396,7 @@ class EvaluationReport(Strict):
     reference_sha256: Sha256 | None
     """Of the reference.json scored against; null without a reference."""
     refine: bool
-    distances_m: tuple[Annotated[float, Field(gt=0)], ...]
+    distances_m: tuple[PositiveFloat, ...]
     settings: dict[str, Any]
     """Every choice that changes the result."""
     plots: tuple[PlotEvaluation, ...]

@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 Vector = tuple[float, float, float]
 Count = Annotated[int, Field(ge=0)]
+Ordinal = Annotated[int, Field(ge=1)]
 Length = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Latitude = Annotated[float, Field(ge=-90, le=90)]

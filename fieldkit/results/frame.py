@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import PositiveInt
 from pydantic.dataclasses import dataclass
 
 from fieldkit.arrays import FloatArray
@@ -105,8 +104,8 @@ class CameraReport(Strict):
     """Made from make, model, serial number, focal length and size."""
     model: str
     """COLMAP's camera model."""
-    width: Annotated[int, Field(gt=0)]
-    height: Annotated[int, Field(gt=0)]
+    width: PositiveInt
+    height: PositiveInt
     params: tuple[float, ...]
     """In COLMAP's order; pixels where they are lengths."""
     source: str

@@ -6,12 +6,12 @@ Positions are in the plot frame, whose z = 0 is the fitted ground; that is the d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import PositiveFloat, model_validator
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.results.fields import Count, Heading, Length, Pitch, Strict, Vector
+from fieldkit.results.fields import Count, Heading, Length, Pitch, Sha256, Strict, Vector
 from fieldkit.results.pattern import Pattern
 
 
@@ -51,7 +51,7 @@ class PlanPlants(Strict):
 
     points_m: tuple[Vector, ...]
     """Plot frame; one per occupied cell of a grid."""
-    cell_m: Annotated[float, Field(gt=0)]
+    cell_m: PositiveFloat
     """The grid's cell: no plant is farther than its diagonal from one of the points."""
 
 
@@ -61,7 +61,7 @@ class PlanSource(Strict):
     kind: Literal["reference", "scene", "captures"]
     name: str
     """Of the folder or file."""
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
+    sha256: Sha256 | None = None
     """Of its reference.json or scene file."""
 
 
@@ -94,11 +94,11 @@ class PlanFit(Strict):
     """A plot that a plan was fitted to, and the factors by which its plants were stretched."""
 
     plot: str
-    length: Annotated[float, Field(gt=0)]
+    length: PositiveFloat
     """Along the plot frame's x axis."""
-    width: Annotated[float, Field(gt=0)]
+    width: PositiveFloat
     """Across."""
-    height: Annotated[float, Field(gt=0)]
+    height: PositiveFloat
 
 
 class Plan(Strict):
@@ -117,7 +117,7 @@ class Plan(Strict):
     """Compass heading of the plot frame's x axis."""
     envelope: PlanEnvelope | None = None
     plants: PlanPlants | None = None
-    plant_height_m: Annotated[float, Field(gt=0)] | None = None
+    plant_height_m: PositiveFloat | None = None
     """Height of plants that the stations are stated for: they are fitted to each plot's. Null where they hold as they
     are."""
     source: PlanSource | None = None

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
-from fieldkit.results.fields import Count, Latitude, Length, Longitude, Share, Strict
+from fieldkit.results.fields import Count, Latitude, Length, Longitude, Ordinal, Share, Strict
 from fieldkit.wording import by_key
 
 Trait = Literal[
@@ -161,7 +161,7 @@ class TraitsEntry(Strict):
             trend=False,
         ),
     ] = None
-    plot_area_m2: Annotated[float, Field(gt=0)] | None = None
+    plot_area_m2: PositiveFloat | None = None
     """Of the plot's outline; null where it is not known."""
     unknown: dict[Trait, str] = {}  # noqa: RUF012 - pydantic copies it
     """Why a trait cannot be had from these photographs."""
@@ -174,7 +174,7 @@ class TraitsEntry(Strict):
 class RowEntry(Strict):
     """A planted row of a plot."""
 
-    row: Annotated[int, Field(ge=1)]
+    row: Ordinal
     """From right to left, as one looks along the rows."""
     traits: TraitsEntry
     """Of all that stands over its part of the plot, leaves of the rows beside it included."""
@@ -183,11 +183,11 @@ class RowEntry(Strict):
 class PlantEntry(Strict):
     """One plant of a plot (docs/traits.md)."""
 
-    plant: Annotated[int, Field(ge=1)]
+    plant: Ordinal
     """Its number on the plot: row by row, in each along the row."""
-    row: Annotated[int, Field(ge=1)] | None = None
+    row: Ordinal | None = None
     """Null where plants stand in no rows."""
-    in_row: Annotated[int, Field(ge=1)] | None = None
+    in_row: Ordinal | None = None
     """Its number along the row."""
     x_m: float
     """Of its foot, plot frame."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PositiveInt, model_validator
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.results.fields import Pitch, Strict
@@ -124,7 +124,7 @@ class Vehicle(Strict):
     """Distance it keeps to plants and other obstacles: half its size and what wind adds."""
     mass_kg: Positive = 1.0
     """At take-off, with camera and battery; 1 kg where a profile does not say. Leaves move in its wash."""
-    max_items: Annotated[int, Field(gt=0)] | None = None
+    max_items: PositiveInt | None = None
     """Mission items that it stores."""
 
     @property
