@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
@@ -205,7 +205,8 @@ class MissionBurst(Strict):
 class Stops:
     """What has stops."""
 
-    stops: tuple[Any, ...]
+    if TYPE_CHECKING:  # no field of the model's
+        stops: tuple[Any, ...]
 
     @property
     def shots(self) -> tuple[Shot, ...]:
