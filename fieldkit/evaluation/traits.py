@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from fieldkit.clouds.canopy import (
     outline_area_m2,
     rectangle,
     seam_cells,
+    stands_in,
     with_room_m,
 )
 from fieldkit.clouds.cloud import Cloud
@@ -62,30 +63,16 @@ SCATTER_OF_HEIGHT_M = 0.002
 """Sway from which errors of heights by the cloud grow with it, metres (docs/traits.md says on what it was fitted)."""
 SCATTER_OF_TIPS_M = 0.005
 """Sway from which errors of heights that outlines show grow with it, metres."""
-_PIXEL_OF_TIPS_M = 0.0012
-"""Pixel of the depth maps from which errors of heights grow with it in flights, metres: of a block at
-V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the highest leaf."""
-SCATTER_OF_AREA_M = 0.005
-"""Sway from which errors of areas, volumes and quantiles of height grow with it, metres."""
-_SCATTER_OF_FLIGHTS_M = 0.010
-"""The same of flights, whose photographs overlap closely."""
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
 _SEAM_OF_FLIGHTS = 1.93
 """Width of the seam about still leaves where photographs of a flight overlap closely, in cells: they add up what each
 has beyond a leaf's edge. Fitted with the next one on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
-_FINEST_OF_FLIGHTS_M = 0.004
-"""Least pixels that it holds for, metres: clouds of finer ones, from near, have gaps."""
 _SEAM_SWAYED_OF_FLIGHTS = 0.155
 """What a metre of sway takes off it, metres."""
 _MOST_SWAY_M = 0.020
 """Largest sway that it was fitted with, metres."""
-_NARROW_CELLS = 1.5
-"""Widest seam, in cells, that quantiles of height have in flights: a wider one takes tops off leaves."""
-_TALLEST_M = 1.8
-"""Height (99th percentile) of plants from which a flight's clouds lack leaves of lower layers and have false points
-above, metres: at R1, 2.5 m high, a quarter of the cover. At V10, 1.4 m high, they have all."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -127,6 +114,41 @@ _CODES: Mapping[str, tuple[Trait, ...]] = {
 
 
 @dataclass(frozen=True)
+class Calibration:
+    """What traits of plots that are photographed alike were fitted with; as it is here, of photographs about a plot."""
+
+    scatter_of_area_m: float = 0.005
+    """Sway from which errors of areas, volumes and quantiles of height grow with it, metres."""
+    finest_m: float = 0.0
+    """Pixel of the depth maps below which errors of areas and volumes grow, metres: finer clouds, from near, have gaps.
+    """
+    pixel_of_tips_m: float = math.inf
+    """Pixel from which errors of heights grow with it, metres."""
+    adds_tips: bool = False
+    """Whether clouds have false tips as well as lack some, so that the highest leaf may be as far below as above."""
+    gaps_swayed: float = 1.0
+    """Share of the sway by which wider gaps in leaves are closed."""
+    widest_seam: float = math.inf
+    """The widest seam that quantiles of height have, cells: a wider one takes tops off leaves."""
+    tallest_m: float = math.inf
+    """99th percentile of height above which clouds lack leaves of lower layers and have false points above, metres."""
+
+
+ABOUT_A_PLOT = Calibration()
+OF_FLIGHTS = Calibration(
+    scatter_of_area_m=0.010,
+    finest_m=0.004,
+    pixel_of_tips_m=0.0012,
+    adds_tips=True,
+    gaps_swayed=0.0,
+    widest_seam=1.5,
+    tallest_m=1.8,
+)
+"""Photographs overlap closely. Of a block at V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the
+highest leaf; at R1, 2.5 m high, a quarter of the cover, at V10, 1.4 m high, nothing of it."""
+
+
+@dataclass(frozen=True)
 class PlotOutline:
     """What is known of a plot's outline."""
 
@@ -162,12 +184,12 @@ def plot_traits(
         outline: of the plot; what lies beyond it is another plot's.
         shown: the plants' outlines in the photographs; empty where there are no masks.
     """
-    corners = outline.corners
+    corners, fitted = outline.corners, OF_FLIGHTS if outline.of_flight else ABOUT_A_PLOT
     own = plants if corners is None else plants.select(inside_outline(plants.points, corners))
-    ground = found.sparse.frame.ground
-    if outline.of_flight and ground is not None and len(own):
-        above = ground.heights(own.points)
-        own = own.select(above <= floats_from_m(above))
+    leaves, ground = own, found.sparse.frame.ground
+    if outline.of_flight and corners is not None and ground is not None and len(own):
+        sound = ground.heights(plants.points) <= floats_from_m(ground.heights(own.points))
+        own, leaves = (plants.select(sound & of(plants.points, corners)) for of in (inside_outline, stands_in))
     points = own.points
     area = None if corners is None else outline_area_m2(corners)
     unknown = _unknown(found, points, outline)
@@ -175,51 +197,53 @@ def plot_traits(
         return TraitsEntry(plot_area_m2=area, unknown=unknown), ()
     # By how much depths of leaves scatter beyond those of still ones.
     swayed_m = found.pixel_m * float(np.sqrt(max(0.0, found.scatter_px**2 - STILL_SCATTER_PX**2)))
-    doubt = scale_doubt(found.sparse)
-    heights, sways = ground.heights(points), (found.pixel_m, swayed_m)
-    flight = outline.of_flight
-    seam = _seam_of_flight(found, swayed_m) if flight else _seam(found, shown, swayed_m)
-    cells = sways[0], 0.0 if flight else swayed_m, seam
+    heights = ground.heights(points)
+    upper = leaves.points if len(leaves) else points
+    height = highest_leaf_m(upper, ground.heights(upper), found.pixel_m, swayed_m)
+    shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
+    height = height if shown_m is None else max(height, shown_m)
+    seam = _seam_of_flight(found, swayed_m) if outline.of_flight else _seam(found, shown, swayed_m)
+    cells = found.pixel_m, fitted.gaps_swayed * swayed_m, seam
 
+    @cache
     def from_above(seam: float) -> Canopy:
         whole = canopy(points, heights, *cells[:2], seam)
         return whole if corners is None else whole.within(corners)
 
-    seen = from_above(seam)
-    narrow = from_above(_NARROW_CELLS) if flight and seam > _NARROW_CELLS else seen
-    height, covered, volume = highest_leaf_m(points, heights, *sways), seen.covered_m2, seen.volume_m3
-    shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
-    height = height if shown_m is None else max(height, shown_m)
+    seen, tops = from_above(seam), from_above(min(seam, fitted.widest_seam)).heights_m(*_QUANTILES.values())
+    of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
+    of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
+    of_sway = max(1.0, swayed_m / fitted.scatter_of_area_m)
+    of_area = of_sway * max(1.0, found.pixel_m / FITTED_PIXELS_M[1], fitted.finest_m / found.pixel_m)
+    covered, volume = seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
-    of_height = max(1.0, swayed_m / (SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M))
-    of_height = max(of_height, found.pixel_m / _PIXEL_OF_TIPS_M) if flight else of_height
-    of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1], _FINEST_OF_FLIGHTS_M / found.pixel_m if flight else 0.0)
-    of_sway = max(1.0, swayed_m / (_SCATTER_OF_FLIGHTS_M if flight else SCATTER_OF_AREA_M))
-    ground_m = NINE_IN_TEN * found.sparse.frame.ground_sigma_m
-    frame_m = float(np.hypot(NINE_IN_TEN * doubt * height, ground_m))
-    area_error = float(np.hypot(of_pixel * of_sway * AREA_ERROR, 2.0 * NINE_IN_TEN * doubt))
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
     hidden = 1.0 - shown_share(lai or 0.0, found.sparse.right)
-    lai_error = float(np.linalg.norm((of_pixel * of_sway * LAI_ERROR, hidden, 2.0 * NINE_IN_TEN * doubt)))
-    volume_error = float(np.hypot(of_pixel * of_sway * VOLUME_ERROR, 3.0 * NINE_IN_TEN * doubt))
+    doubt, ground_m = (NINE_IN_TEN * of for of in (scale_doubt(found.sparse), found.sparse.frame.ground_sigma_m))
+
+    def off_m(error_m: float) -> float:
+        return float(np.linalg.norm((error_m, doubt * height, ground_m)))
+
+    def off(share: float, scales: float) -> float:
+        return float(np.hypot(of_area * share, scales * doubt))
+
+    tall = tops[-1] > fitted.tallest_m
+    of_quantiles = (_OF_TALL if tall else 1.0) * off_m(of_sway * _QUANTILE_ERROR_M)
     values: dict[Trait, tuple[float | None, float]] = {
-        "height_m": (max(0.0, height), float(np.hypot(of_height * HEIGHT_ERROR_M, frame_m))),
-        **{
-            trait: (max(0.0, float(top)), float(np.hypot(of_sway * _QUANTILE_ERROR_M, frame_m)))
-            for trait, top in zip(_QUANTILES, narrow.heights_m(*_QUANTILES.values()), strict=True)
-        },
+        "height_m": (max(0.0, height), off_m(of_height * HEIGHT_ERROR_M)),
+        **{trait: (max(0.0, float(top)), of_quantiles) for trait, top in zip(_QUANTILES, tops, strict=True)},
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
-        "cover_percent": (cover, area_error * (cover or 0.0)),
-        "covered_area_m2": (covered, area_error * covered),
-        "canopy_volume_m3": (volume, float(np.hypot(volume_error * volume, ground_m * covered))),
-        "lai": (lai, lai_error * (lai or 0.0)),
+        "cover_percent": (cover, off(AREA_ERROR, 2.0) * (cover or 0.0)),
+        "covered_area_m2": (covered, off(AREA_ERROR, 2.0) * covered),
+        "canopy_volume_m3": (volume, float(np.hypot(off(VOLUME_ERROR, 3.0) * volume, ground_m * covered))),
+        "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0), hidden)) * (lai or 0.0)),
     }
-    if flight and values["height_p99_m"][0] > _TALLEST_M:  # type: ignore[operator]
-        tall = (
-            f"the plants are higher than {_TALLEST_M:g} m: from above leaves are missed, and false ones float over them"
+    if tall:
+        reason = (
+            f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "
+            "over them"
         )
-        unknown = dict.fromkeys(_OF_FORM, tall) | unknown
-        values |= {trait: (values[trait][0], _OF_TALL * values[trait][1]) for trait in _QUANTILES}
+        unknown = dict.fromkeys(_OF_FORM, reason) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:
@@ -228,19 +252,19 @@ def plot_traits(
         def top_seen(points: FloatArray, top: float) -> bool:
             return sure and not any(_tops_missed(found.sparse, ground, _columns(points), top))
 
-        each, counts, why = plants_one_by_one(plants, ground, found.sparse.frame, corners, cells, top_seen)
-        known, unknown = {**counts}, unknown | why
+        each, counts, refused = plants_one_by_one(plants, ground, found.sparse.frame, corners, cells, top_seen)
+        known, unknown = {**counts}, unknown | refused
     for trait, (value, error) in values.items():
         most = MOST_LAI_ERROR if trait == "lai" else 1.0  # of shares of what is there no lower limit is left
         if not trait.startswith("height") and value and error >= most * value:
             share = f"its error would be {100 * error / value:.0f} % of it"
-            leaves = "hide one another, swayed" if trait == "lai" else "swayed"
-            unknown.setdefault(trait, f"{share}, since leaves {leaves} or pixels are coarse")
+            why = "hide one another, swayed" if trait == "lai" else "swayed"
+            unknown.setdefault(trait, f"{share}, since leaves {why} or pixels are coarse")
         if trait not in unknown:
             known |= {trait: value, error_column(trait): error}
-    if "height_m" in known:  # clouds of swaying leaves lack tips and add none; all else errs both ways
-        below = 1.0 if shown_m is None and not flight else of_height
-        known["height_error_below_m"] = float(np.hypot(below * HEIGHT_ERROR_M, frame_m))
+    if "height_m" in known:
+        below = of_height if fitted.adds_tips or shown_m is not None else 1.0
+        known["height_error_below_m"] = off_m(below * HEIGHT_ERROR_M)
         known["height_error_m"] = max(known["height_error_m"], (maybe_m or 0.0) - height)
     return TraitsEntry(**known, plot_area_m2=area, unknown=unknown), each
 

@@ -13,6 +13,7 @@ from fieldkit.clouds.canopy import (
     highest_leaf_m,
     rectangle,
     seam_cells,
+    stands_in,
 )
 
 PIXEL_M = 0.002
@@ -110,6 +111,17 @@ class TestHeight:
         leaf = np.random.default_rng(0).uniform((0.3, 0.3, 0.7), (0.4, 0.34, 0.7005), (4000, 3))
         points = np.concatenate([box(0.1, 0.1, 0.5), leaf])
         assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.7, abs=0.001)
+
+
+def test_leaves_that_hang_over_the_edge_of_a_plot_are_of_the_plants_they_grow_on() -> None:
+    rng = np.random.default_rng(3)
+    own, others = rng.uniform((-1.0, -1.0, 0.2), (0.0, 1.0, 0.8), (8000, 3)), rng.uniform(-1.0, 1.0, (8000, 3))
+    others = others * (0.5, 1.0, 0.5) + (0.5, 0.0, 0.7)  # up to 1.2 m, beside the plot
+    hangs_in, hangs_out = np.array([[-0.1, 0.5, 1.1], [-0.05, 0.5, 1.15]]), np.array([[0.02, -1.1, 0.6]])
+    outline = rectangle((-1.0, -1.0), (0.0, 1.0))
+    assert not stands_in(np.concatenate([hangs_in, own, others]), outline)[:2].any()
+    assert stands_in(np.concatenate([hangs_out, own]), outline)[0]
+    assert stands_in(own, outline).all()
 
 
 def test_what_floats_over_an_empty_layer_is_no_canopy() -> None:

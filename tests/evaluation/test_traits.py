@@ -11,6 +11,7 @@ from fieldkit.clouds.canopy import rectangle, seam_cells
 from fieldkit.evaluation.traits import (
     AREA_ERROR,
     HEIGHT_ERROR_M,
+    OF_FLIGHTS,
     STILL_SCATTER_PX,
     PlotOutline,
     outline_of,
@@ -108,7 +109,7 @@ class TestValues:
 
     def test_tall_plants_of_a_flight_have_quantiles_of_height_alone(self, monkeypatch: pytest.MonkeyPatch) -> None:
         tall = found()
-        monkeypatch.setattr("fieldkit.evaluation.traits._TALLEST_M", 0.1)
+        monkeypatch.setattr("fieldkit.evaluation.traits.OF_FLIGHTS", replace(OF_FLIGHTS, tallest_m=0.1))
         outline = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)), of_flight=True)
         told = traits(tall, outline)
         assert told.height_p95_m is not None
