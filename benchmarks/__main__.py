@@ -32,7 +32,6 @@ class Suite(StrEnum):
 class Study(StrEnum):
     """A study of a suite."""
 
-    CLOUDS = "clouds"
     DENSE = "dense"
     EVALUATION = "evaluation"
     SCALING = "scaling"
@@ -59,6 +58,7 @@ class Study(StrEnum):
     FUZZ = "fuzz"
     SEASON = "season"
     TRIALS = "trials"
+    PATTERNS = "patterns"
     FIELD_CHECK = "field-check"
     PLANT_FIGURES = "plant-figures"
     PLANT_COUNTS = "plant-counts"
@@ -97,7 +97,9 @@ def command(
     ] = None,
     block: Annotated[
         list[str] | None,
-        typer.Option("--block", metavar="STAGE/FLIGHT", help="Repeatable; in trials, such as V10/five-8."),
+        typer.Option(
+            "--block", metavar="STAGE/FLIGHT", help="Repeatable; in trials, such as V10/five-8; in patterns a stage."
+        ),
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="In planner and paper.")] = 5,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of planner and paper.")] = 1,
@@ -144,10 +146,10 @@ def command(
 ) -> None:
     """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
-    The engine's studies are clouds, dense, evaluation and scaling (speed), few-views, references,
+    The engine's studies are dense, evaluation and scaling (speed), few-views, references,
     subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
     transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
-    are season, trials, field-check, plant-figures, plant-counts and score-prediction; paper's
+    are season, trials, patterns, field-check, plant-figures, plant-counts and score-prediction; paper's
     are tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded
     image sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.field_check import run_field_check
+from benchmarks.patterns import run_patterns
 from benchmarks.plant_counts import run_plant_counts
 from benchmarks.plant_figures import run_plant_figures
 from benchmarks.result import StudyResult
@@ -35,7 +36,7 @@ class CampaignOptions:
     scenes: tuple[str, ...] = ()
     """Of ``field-check``, by default the held-out ones."""
     blocks: tuple[str, ...] = ()
-    """Of ``trials``: stages and flights such as V10/five-8."""
+    """Of ``trials``: stages and flights such as V10/five-8; of ``patterns``: stages."""
     count: int | None = None
     """Captures of ``field-check`` (80), plots of ``season`` (40)."""
     width_px: int = 2000
@@ -101,9 +102,15 @@ def _trials(options: CampaignOptions, progress: Progress) -> StudyResult:
         return run_trials(options.blocks, work=folder, workers=options.workers, cache=options.cache, progress=progress)
 
 
+def _patterns(options: CampaignOptions, progress: Progress) -> StudyResult:
+    with _folder(options, "patterns") as folder:
+        return run_patterns(options.blocks, work=folder, progress=progress)
+
+
 STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "season": _season,
     "trials": _trials,
+    "patterns": _patterns,
     "field-check": _field_check,
     "plant-figures": _plant_figures,
     "plant-counts": _plant_counts,

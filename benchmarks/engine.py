@@ -44,12 +44,6 @@ def _evaluation(options: EngineOptions, progress: Progress) -> StudyResult:
     return run_evaluation(options.data, cache=options.cache, progress=progress)
 
 
-def _clouds(_: EngineOptions, progress: Progress) -> StudyResult:
-    from benchmarks.cloud_scores import run_clouds
-
-    return run_clouds(progress=progress)
-
-
 def _scaling(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from benchmarks.scaling import run_scaling
 
@@ -108,7 +102,6 @@ def _on_data(name: str, title: str, run: Callable[[Path, EngineOptions, Progress
 
 
 STUDIES: dict[str, Run] = {
-    "clouds": _clouds,
     "dense": _dense,
     "evaluation": _evaluation,
     "scaling": _on_data("scaling", "Cost against the number of photographs", _scaling),
@@ -119,7 +112,7 @@ STUDIES: dict[str, Run] = {
     "match-decay": _match_decay,
     "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
 }
-SPEED = ("clouds", "dense", "evaluation", "scaling")
+SPEED = ("dense", "evaluation", "scaling")
 """The studies of speed, run by default; the others are about quality."""
 
 

@@ -30,11 +30,11 @@ from fieldkit.vocabulary import Stage
 from fieldkit_sim.trial.files import SCENE_FILE, TRUTH_FILE
 from fieldkit_sim.trial.ground import ground_height
 
-_SEEDS: dict[Stage, int] = {"V6": 101, "V10": 102, "V14": 103, "R1": 104}
+SEEDS: dict[Stage, int] = {"V6": 101, "V10": 102, "V14": 103, "R1": 104}
 """Of the blocks that nothing was chosen on, by stage."""
 TUNING_SEED = 7
 """Of the blocks that constants were chosen on."""
-BLOCKS = tuple(f"{stage}/five-8" for stage in _SEEDS)
+BLOCKS = tuple(f"{stage}/five-8" for stage in SEEDS)
 """What is flown where nothing else is asked for."""
 _OFF_M = 0.03
 """Error of a photograph's place that has to be told, metres."""
@@ -110,7 +110,7 @@ def run_trials(
     for block in blocks or BLOCKS:
         named, _, kind = block.partition("/")
         tuning, _, stage = named.rpartition("-")
-        seed = TUNING_SEED if tuning else _SEEDS[stage]  # type: ignore[index]
+        seed = TUNING_SEED if tuning else SEEDS[stage]  # type: ignore[index]
         flight = fly(work / named / kind, seed, stage, FLIGHTS[kind], progress)  # type: ignore[arg-type]
         context = Context(cache, progress, workers=workers)
         report = evaluate_flight(

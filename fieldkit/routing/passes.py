@@ -143,9 +143,11 @@ class PassFlight:
     """Share of one battery's usable time."""
 
 
-def pass_time(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> float:
-    """Seconds in the air of all flights over lines; each begins and ends below the first photograph."""
-    return sum(flight.seconds for flight in pass_flights(lines, vehicle, speed_mps))
+def pass_time(
+    lines: Sequence[Line], vehicle: Vehicle, speed_mps: float, home_m: Sequence[float] | None = None
+) -> float:
+    """Seconds in the air of all flights over lines (`pass_flights`)."""
+    return sum(flight.seconds for flight in pass_flights(lines, vehicle, speed_mps, home_m))
 
 
 def pass_flights(

@@ -7,7 +7,6 @@ import pytest
 
 from benchmarks.__main__ import Study, main
 from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
-from benchmarks.cloud_scores import leaves
 from benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from benchmarks.engine import SPEED, STUDIES
 from benchmarks.missions import STUDIES as MISSION_STUDIES
@@ -40,7 +39,7 @@ def test_dense_measures_both_methods() -> None:
 
 class TestReferences:
     def test_recall_is_found_after_alignment(self) -> None:
-        known = Cloud(leaves(4000, 1))
+        known = Cloud(np.random.default_rng(1).uniform(0.0, 0.5, (4000, 3)))
         moved = Cloud(known.points + np.array([0.004, -0.003, 0.002]))
         assert recall_of(moved, known)[0.002] > 0.999
         half = known.select(known.points[:, 0] < np.median(known.points[:, 0]))

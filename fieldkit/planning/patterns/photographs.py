@@ -1,4 +1,4 @@
-"""Which photographs of a pattern show a block's plot, and how far its traits are off."""
+"""Which photographs of a pattern show a block's plot."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ import numpy as np
 import shapely
 import shapely.affinity
 
-from fieldkit.arrays import FloatArray
-from fieldkit.clouds.canopy import canopy
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.planning.patterns.block import ROWS_DEG, Block
 from fieldkit.reconstruction.dense.views import views_of
-from fieldkit.results.fields import Length, Strict
 from fieldkit.results.pattern import Pattern
 from fieldkit.routing.passes import lines_over
 
@@ -24,21 +21,6 @@ _ABOVE_M = 0.3
 """Room above its plants, metres."""
 _REACH = 0.8
 """How far beside the plot photographs look at most that may show it well, in heights above the ground."""
-_SEAM = 0.5
-"""Width of the seam about leaves that points of surfaces have, in cells."""
-_SHARE = 0.99
-"""Quantile of height."""
-
-
-class TraitErrors(Strict):
-    """By how much a plot's traits are off."""
-
-    height_m: Length
-    """The height below which 99 % of the canopy's surface lies."""
-    cover: Length
-    """As a share of the plot."""
-    volume: Length
-    """As a share of it."""
 
 
 def poses_about(pattern: Pattern, block: Block, camera: Intrinsics, phase: Sequence[float]) -> list[Pose]:
@@ -70,16 +52,3 @@ def showing(poses: Sequence[Pose], camera: Intrinsics, volume: Volume, most: int
     """Those that show a volume best, in the order of flight."""
     names = {f"{k:06d}": pose for k, pose in enumerate(poses)}
     return [names[name] for name in sorted(views_of(names, dict.fromkeys(names, camera), volume, most))]
-
-
-def trait_errors(measured: FloatArray, true: FloatArray, block: Block) -> TraitErrors:
-    """Of `traits`."""
-    height_m, cover_m2, volume_m3 = np.abs(measured - true).tolist()
-    area_m2 = shapely.Polygon(block.outline).area
-    return TraitErrors(height_m=height_m, cover=cover_m2 / area_m2, volume=volume_m3 / float(true[2]))
-
-
-def traits(points: FloatArray, cell_m: float) -> FloatArray:
-    """(3,) height, covered ground in m² and volume in m³ of a plot's points (n, 3), by cells of the canopy."""
-    above = canopy(points, points[:, 2], cell_m, 0.0, _SEAM)
-    return np.array([*above.heights_m(_SHARE), above.covered_m2, above.volume_m3])

@@ -133,13 +133,13 @@ def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> 
 def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle) -> FrontPattern:
     """The pattern of a front that is asked for. Raises UsageError: none keeps it."""
     if asked.height_error_m is not None:
-        kept = [each for each in front if each.worth.height_m <= asked.height_error_m]
+        kept = [each for each in front if each.height_m <= asked.height_error_m]
         if kept:
             return kept[0]
-        best = min(front, key=lambda each: each.worth.height_m)
+        best = min(front, key=lambda each: each.height_m)
         raise UsageError(
             f"no pattern is expected to measure heights to {100 * asked.height_error_m:g} cm; the best has "
-            f"{100 * best.worth.height_m:.1f} cm in {best.minutes:.1f} min",
+            f"{100 * best.height_m:.1f} cm in {best.minutes:.1f} min",
             remedy="Ask for less.",
         )
     minutes = asked.minutes or vehicle.battery.usable_s / 60.0

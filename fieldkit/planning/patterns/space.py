@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -36,10 +37,15 @@ _PITCHES_DEG = (-80.0, -45.0)
 """Of oblique looks, degrees."""
 _OVERLAP_ALONG = (0.5, 0.9)
 """Share of a photograph straight down that the next on its line shows, too."""
-_OVERLAP_BETWEEN = (0.1, 0.85)
+_OVERLAP_BETWEEN = (0.4, 0.85)
 """The same of the next line."""
+_REACH_DEG = 20.0
+"""Largest angle at the plants between photographs of one look side by side: leaves of wider ones do not match, and at
+28° less than half of the surface is there (docs/benchmarks.md)."""
 SIZE = 7
 """Entries of a code: family, height, heading, pitch, overlaps along and between lines, offset."""
+_ASIDE_M = 5.0
+"""Distance of take-off and landing from a field's corner to both sides, metres."""
 _FASTEST_MPS = 10.0
 """Along lines, metres a second."""
 
@@ -60,6 +66,18 @@ class PatternSpace:
     def allows(self, pattern: Pattern) -> bool:
         """Whether the vehicle can fly it above the plants, and its mount look so."""
         return pattern.height_m >= self.lowest_m and all(self.vehicle.mount.reaches(k.pitch_deg) for k in pattern.looks)
+
+    def matches(self, pattern: Pattern) -> bool:
+        """Whether photographs of one look match those beside them."""
+        above_m = pattern.height_m - self.plants_m
+        steep = [math.sin(math.radians(-look.pitch_deg)) for look in pattern.looks]
+        apart = max(max(pattern.along_m * s, pattern.between_m) * s / above_m for s in steep)
+        return math.degrees(apart) <= _REACH_DEG
+
+    def pixel_m(self, pattern: Pattern) -> float:
+        """Width of a pixel of the photographs that show the plants finest, at their height."""
+        steepest = min(math.radians(look.pitch_deg) for look in pattern.looks)
+        return (pattern.height_m - self.plants_m) / -math.sin(steepest) / self.vehicle.camera.fx
 
     def decode(self, code: FloatArray) -> Pattern:
         """The pattern of a code (7,) in the unit cube, at the speed that it may be flown at."""
@@ -89,16 +107,11 @@ class PatternSpace:
         speed_mps = min(fastest_mps(pattern, self.vehicle, self.plants_m), _FASTEST_MPS)
         return replace(pattern, speed_mps=round(max(speed_mps, 0.1), 2))
 
-    def sample(self, count: int, seed: int) -> FloatArray:
-        """(n, 7) codes all over the space."""
-        from scipy.stats import qmc
-
-        return np.asarray(qmc.Sobol(SIZE, seed=seed).random(count))
-
     def seconds(self, pattern: Pattern, field: shapely.Polygon, rows_deg: float) -> tuple[float, int]:
-        """In the air over a field, and the number of photographs."""
+        """In the air over a field, from beside its corner and back, and the number of photographs."""
         lines = lines_over(pattern, field, rows_deg)
-        return pass_time(lines, self.vehicle, pattern.speed_mps), sum(len(line.stations_m) for line in lines)
+        home_m = [corner - _ASIDE_M for corner in field.bounds[:2]]
+        return pass_time(lines, self.vehicle, pattern.speed_mps, home_m), sum(len(line.stations_m) for line in lines)
 
 
 def _between(ends: tuple[float, float], share: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,15 +47,26 @@ class PlotTruth:
         """Leaf area index: leaf area for each area of ground."""
         return self.leaf_area_m2 / self.area_m2
 
+    @property
+    def of_traits(self) -> dict[str, float]:
+        """Those that an evaluation measures, by their names there."""
+        return {
+            "height_p95_m": self.height_p95_m,
+            "height_p99_m": self.height_p99_m,
+            "cover_percent": self.cover_percent,
+            "canopy_volume_m3": self.volume_m3,
+        }
+
 
 def trial_truth(plot: PlotDescription, scene: Scene) -> tuple[PlotTruth, ...]:
     """The truth of every plot of a block; ``scene`` is what was built of it."""
     assert plot.trial is not None
-    meshes = {mesh.name: mesh for mesh in scene.plants}
-    return tuple(_of_plot(plot, own, meshes) for own in plots_of(plot.trial))
+    return tuple(plot_truth(plot, own, scene.plants) for own in plots_of(plot.trial))
 
 
-def _of_plot(plot: PlotDescription, own: TrialPlot, meshes: dict[str, Mesh]) -> PlotTruth:
+def plot_truth(plot: PlotDescription, own: TrialPlot, plants: Iterable[Mesh]) -> PlotTruth:
+    """The truth of one plot of a block; ``plants`` are those of its scene."""
+    meshes = {mesh.name: mesh for mesh in plants}
     outline = Volume((*own.lower_m, -1.0), (*own.upper_m, 10.0))
     near = [mesh for mesh in meshes.values() if _touches(mesh, own)]
     above = height_map(near, outline, _PIXEL_M)

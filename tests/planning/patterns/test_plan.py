@@ -39,7 +39,7 @@ def test_the_plan_is_the_best_pattern_of_the_front_in_the_minutes_that_there_are
     within = [each for each in made.front if each.minutes <= 5.0]
     assert made.plots == 40
     assert 1 < len(made.front) <= 12
-    assert made.chosen is min(within, key=lambda each: each.worth.value_m)
+    assert made.chosen is min(within, key=lambda each: each.errors_m)
     assert load_plan(tmp_path / "plan", patterns=True).pattern == made.chosen.worth.pattern
     with (tmp_path / "plan" / FRONT_FILE).open() as lines:
         assert len(list(csv.DictReader(lines))) == len(made.front)
@@ -47,7 +47,7 @@ def test_the_plan_is_the_best_pattern_of_the_front_in_the_minutes_that_there_are
 
 def test_the_plan_is_the_fastest_pattern_with_errors_as_wanted(plots: Path, tmp_path: Path) -> None:
     made = plan_trial(tmp_path / "plan", asked(plots, height_error_m=0.04), VEHICLE)
-    assert made.chosen is next(each for each in made.front if each.worth.height_m <= 0.04)
+    assert made.chosen is next(each for each in made.front if each.height_m <= 0.04)
     with pytest.raises(UsageError, match=r"no pattern is expected to measure heights to 1 cm"):
         plan_trial(tmp_path / "better", asked(plots, height_error_m=0.01), VEHICLE)
 
