@@ -1,6 +1,6 @@
 """Take the documentation's pictures of reports, docs/images/report-*.png, in headless Chromium.
 
-    python scripts/screenshots.py --campaign season --mission flight --evaluation plot_7 --turntable basil
+    python scripts/screenshots.py --trial my-trial --mission flight --evaluation plot_7 --turntable basil
 
 Each option names a folder of results, of which `fieldkit report` makes a report first; pictures of others stay as they
 are. docs/running-benchmarks.md says which results the pictures in the repository show.
@@ -51,9 +51,9 @@ class Shot:
 
 
 SHOTS = (
-    Shot("report-summary", "campaign", height=1150),
-    Shot("report-narrow-dark", "campaign", width=390, height=1100, dark=True),
-    Shot("report-printed", "campaign", width=794, height=1123, printed=True),
+    Shot("report-summary", "trial", height=1150),
+    Shot("report-narrow-dark", "trial", width=390, height=1100, dark=True),
+    Shot("report-printed", "trial", width=794, height=1123, printed=True),
     Shot("report-mission", "mission", part="#mission-1 .fk-view"),
     Shot("report-mission-above", "mission", part="#mission-1 .fk-view", press="From above"),
     Shot("report-evaluation", "evaluation", height=1000, part="#evaluation-1"),

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from fieldkit.cli.common import JsonOption, OutputOption, SeedOption, emit_json, show
 from fieldkit.cli.reconstruction_options import RunOptions, run_context
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from fieldkit.figures.content import Paragraph
-    from fieldkit_sim.demo.loop import Demo
-
 
 def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json: JsonOption = False) -> None:
-    """Try fieldkit without a drone: the whole way from a dense capture to scores, on two simulated plots of maize.
+    """Try fieldkit without a drone: a small simulated trial, from its plots' outlines to a table of their traits.
 
-    Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the
-    mission and uploads it to a stand-in for a recorded ArduPilot; photographs both plots, the second of which the plan
-    has not seen, in wind and with the noise of a flight, from the planned views and from the best circle; scores all
-    without optimising again; and writes a report. Takes three to four minutes on two cores.
+    Plans a pattern of passes for a block of maize in the minutes that an app's grid takes; writes the mission;
+    photographs the block by the pattern and by the grid, in wind and with the noise of a flight with RTK; measures all
+    plots by both; and writes a report with the truth beside what was measured. Takes three to four minutes on two
+    cores.
 
     Examples:
         fieldkit demo -o demo-output --workers 2
@@ -37,26 +29,8 @@ def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json
     from fieldkit.figures.content import Statements
     from fieldkit.figures.style import format_seconds
     from fieldkit.figures.terminal import rendered
-    from fieldkit.report.sections.in_short import demo_statements, demo_table, demo_traits
+    from fieldkit.report.sections.demo import demo_errors, demo_statement, demo_traits
 
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
-    first = Statements(demo_statements(demo.compared))
-    grown = demo_traits(demo.compared, demo.evaluations)
-    show(rendered([first, *_story(demo), grown, demo_table(demo.compared)]), end, demo.report)
-
-
-def _story(demo: Demo) -> Iterator[Paragraph]:
-    """What was done, before the scores."""
-    from fieldkit.figures.content import Paragraph
-    from fieldkit.figures.style import format_length
-
-    off = format_length(demo.compared.reference_to_true_plants_m)
-    yield Paragraph(
-        f"Reference: {demo.reference.right} of {demo.reference.images} photographs, {demo.reference.points:,} "
-        f"points; {off} (chamfer distance) from the plants' true surfaces."
-    )
-    yield Paragraph(
-        f"Plan: {demo.outcome.cameras} views for {demo.outcome.plots} plots like the first, confirmed "
-        f"{demo.outcome.confirmations} times on others. Mission: {demo.items} items, uploaded to the stand-in vehicle, "
-        "read back and compared."
-    )
+    first, tables = Statements((demo_statement(demo.compared),)), demo_traits(demo.compared, demo.evaluations)
+    show(rendered([first, demo_errors(demo.compared), tables]), end, demo.report)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from fieldkit.geometry import Intrinsics, Pose
+    from fieldkit.scenes.description import SceneDescription
     from fieldkit_sim.simulation import Stations
 
 
@@ -40,7 +41,7 @@ class StationOptions:
     """Where photographs are taken from."""
 
     plan: Path | None = None
-    """plan.json: photograph from its stations."""
+    """plan.json: photograph from its stations, or its pattern's passes over the scene's box."""
     plant_height: Annotated[float | None, Option(metavar="M")] = None
     """Fit a plan for plots of a kind to plants of this height first."""
     poses: Path | None = None
@@ -83,15 +84,21 @@ class StationOptions:
             raise UsageError(f"--survey: not a survey: {self.survey}", remedy=remedy)
         return (height, *(0.01 * share for share in percent))
 
-    def read(self) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
-        """The stations; and the camera that a plan is for."""
+    def read(self, scene: SceneDescription) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
+        """The stations over a scene; and the camera that a plan is for."""
         circle = self.circle()
         from fieldkit_sim.simulation import dense_about, poses_from_csv, ring_about, survey_over
 
         if self.plan is not None:
             from fieldkit.results.plan_file import load_plan
 
-            loaded = load_plan(self.plan)
+            loaded = load_plan(self.plan, patterns=True)
+            if loaded.pattern is not None:
+                if self.plant_height is not None:
+                    raise UsageError("--plant-height fits stations", remedy="A pattern holds as it is: leave it out.")
+                from fieldkit_sim.surveys import pattern_over
+
+                return pattern_over(loaded.pattern, scene), loaded.camera
             if self.plant_height is not None:
                 from fieldkit.sites.fitted import fitted_to_height
 
@@ -159,7 +166,7 @@ def command(
     from fieldkit_sim.simulation import simulate
 
     description = read_scene(find_scene(scene))
-    commanded, camera = stations.read()
+    commanded, camera = stations.read(description)
     camera = camera or description.camera
     noise, effects = description.noise, description.camera_effects
     if off is not None:

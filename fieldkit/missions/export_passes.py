@@ -21,7 +21,7 @@ from fieldkit.routing.flights import FileCapacity, Flight
 from fieldkit.routing.legs import leg_of
 from fieldkit.routing.motion import FlightTime
 from fieldkit.routing.obstacles import Obstacles
-from fieldkit.routing.passes import Line, PassFlight, fastest_mps, lines_over, pass_flights
+from fieldkit.routing.passes import Line, PassFlight, fastest_mps, lines_over, pass_flights, rows_direction
 from fieldkit.sites.fit import plants_known
 from fieldkit.sites.placement import SiteFrame, ground_below, landing_of
 from fieldkit.sites.plot_plants import plants_on
@@ -55,9 +55,8 @@ def passes_over(pattern: Pattern, site: Site, vehicle: Vehicle) -> MissionPasses
     hull = shapely.union_all(list(_flown_outlines(site).values())).convex_hull
     corners = np.array(hull.exterior.coords)[:-1]
     latitudes, longitudes, _ = SiteFrame(site.home).to_geodetic(np.column_stack([corners, np.zeros(len(corners))]))
-    twice = np.exp(2j * np.radians([plot.row_heading_deg for plot in site.plots])).sum()
     ring = tuple((round(a, 9), round(b, 9)) for a, b in zip(latitudes.tolist(), longitudes.tolist(), strict=True))
-    rows_deg = 0.5 * float(np.degrees(np.angle(twice)))
+    rows_deg = rows_direction([plot.row_heading_deg for plot in site.plots])
     return MissionPasses(pattern=pattern, outline=ring, rows_deg=rows_deg, speed_mps=_speed(pattern, site, vehicle))
 
 

@@ -1,4 +1,4 @@
-"""What demo.json holds: planned views against a circle on two simulated plots. Lengths are metres."""
+"""What demo.json holds: two flights over a block of a trial, and the truth about its plots. Lengths are metres."""
 
 from __future__ import annotations
 
@@ -7,54 +7,49 @@ from typing import Literal
 
 from fieldkit.documents.json_file import read_model
 from fieldkit.results.fields import Count, Length, Strict
-from fieldkit.results.traits import TraitsEntry
+from fieldkit.results.traits import Trait, TraitsEntry
 
 DEMO_FILE = "demo.json"
 _MAX_BYTES = 1 << 20
 """Largest report of a demo that is read, bytes."""
 _AGAIN = "Run `fieldkit demo` again."
 
-PlotName = Literal["seen", "unseen"]
-Views = Literal["circle", "planned"]
+JUDGED: tuple[Trait, ...] = ("height_p95_m", "height_p99_m", "cover_percent", "canopy_volume_m3")
+"""Traits whose errors are told."""
 
 
-class DemoEntry(Strict):
-    """One capture of one plot."""
+class DemoFlight(Strict):
+    """A way of flying over the block: by the plan's pattern, or as an app's grid straight down."""
 
-    plot: PlotName
-    """"seen" is the plot that the plan was made on."""
-    views: Views
-    images: Count
-    """Photographs."""
-    right: Count
-    """Those whose pose counts."""
-    to_reference_m: Length
-    """Chamfer distance to the plot's reference, after ICP."""
-    to_true_plants_m: Length
-    """Chamfer distance to the rendered plants, after ICP: what real photographs do not tell."""
+    name: Literal["planned", "grid"]
+    """Its evaluation is evaluation-NAME."""
+    minutes: Length
+    """In the air."""
+    photographs: Count
+    errors: dict[str, Length]
+    """By trait, root mean square over the plots that have it, against the truth."""
+    held: Count
+    """True values that are within what is stated."""
+    known: Count
+    """Of so many, over plots and traits."""
 
 
 class DemoReport(Strict):
-    """demo.json: what planned views are worth beside the best circle."""
+    """demo.json: what the plan's pattern is held against, and what is true."""
 
     kind: Literal["demo"] = "demo"
-    version: Literal[5] = 5
+    version: Literal[6] = 6
     seed: int
     pose_noise: tuple[float, float]
-    """Standard deviations of the flights over both plots: metres and degrees."""
+    """Standard deviations of both flights: metres and degrees."""
     wind_m: Length
     """Sway of the leaves by wind, root mean square half a metre out."""
     vehicle_kg: Length
     """Mass of the vehicle whose wash moves leaves, too."""
-    reference_to_true_plants_m: Length
-    """Chamfer distance of the seen plot's reference to the rendered plants, after ICP."""
-    scores: tuple[DemoEntry, ...]
-    truth: dict[PlotName, TraitsEntry]
-    """Of the rendered plants, within the plot's outline."""
-
-    def score(self, plot: PlotName, views: Views) -> DemoEntry | None:
-        """The capture of a plot from these views, or None."""
-        return next((each for each in self.scores if (each.plot, each.views) == (plot, views)), None)
+    flights: tuple[DemoFlight, DemoFlight]
+    """The planned one first."""
+    truth: dict[str, TraitsEntry]
+    """Of the rendered plants, by plot."""
 
 
 def load_demo(path: Path) -> DemoReport:

@@ -69,6 +69,12 @@ def lines_over(pattern: Pattern, field: shapely.Polygon, rows_deg: float) -> lis
     return flown
 
 
+def rows_direction(headings_deg: Sequence[float]) -> float:
+    """Mean direction of rows, which have no front: from −45° on, so that neither axis is where it jumps, to 135°."""
+    twice = np.exp(2j * np.radians(headings_deg)).sum()
+    return (0.5 * float(np.degrees(np.angle(twice))) + 45.0) % 180.0 - 45.0
+
+
 def _lines_of(
     pattern: Pattern, look: Look, field: shapely.Polygon, rows_deg: float, shift_m: float
 ) -> list[tuple[float, Line]]:

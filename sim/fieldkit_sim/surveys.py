@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import shapely
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.pattern import Look, Pattern
-from fieldkit.routing.passes import lines_over
+from fieldkit.routing.passes import Line, lines_over, rows_direction
+from fieldkit.scenes.description import SceneDescription
 
 _MARGIN_M = 1.0
 """Width about a field over which lines are flown, metres."""
@@ -43,14 +45,26 @@ class Passes:
             offset=0.0,
         )
 
-    def poses(self, lower_m: tuple[float, float], upper_m: tuple[float, float], camera: Intrinsics) -> list[Pose]:
+    def lines(self, lower_m: Sequence[float], upper_m: Sequence[float], camera: Intrinsics) -> list[Line]:
         """Over a field between these corners (x, y), to and fro."""
         pattern = self.pattern(camera)
         wider_m = _MARGIN_M - _INSIDE * pattern.between_m
-        field = shapely.box(*lower_m, *upper_m).buffer(wider_m, join_style="mitre")
-        return [pose for line in lines_over(pattern, field, 0.0) for pose in line.poses]
+        field = shapely.box(*lower_m[:2], *upper_m[:2]).buffer(wider_m, join_style="mitre")
+        return lines_over(pattern, field, 0.0)
+
+    def poses(self, lower_m: tuple[float, float], upper_m: tuple[float, float], camera: Intrinsics) -> list[Pose]:
+        """The photographs of these lines."""
+        return [pose for line in self.lines(lower_m, upper_m, camera) for pose in line.poses]
 
 
 def four_directions(height_m: float, pitch_deg: float, front: float, side: float) -> Passes:
     """Oblique passes that look along and across the field."""
     return Passes(height_m, pitch_deg, _HEADINGS_DEG, front, side)
+
+
+def pattern_over(pattern: Pattern, scene: SceneDescription) -> list[Pose]:
+    """A plan's pattern over a scene's box: the photographs that a mission over the same field is foreseen to give."""
+    field = shapely.box(*scene.bounds.lower_m[:2], *scene.bounds.upper_m[:2])
+    # The scene's x axis has the heading of the rows, and a mission's rows have no front.
+    rows_deg = 90.0 + rows_direction([scene.row_heading_deg]) - scene.row_heading_deg
+    return [pose for line in lines_over(pattern, field, rows_deg) for pose in line.poses]

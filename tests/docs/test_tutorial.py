@@ -19,6 +19,7 @@ from fieldkit.scenes.scene_file import read_scene
 pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 FIELD = ROOT / "docs" / "tutorial"
+TRIAL = [f"r{row}c{column}" for row in (1, 2) for column in (1, 2, 3, 4)]
 FIGURE = re.compile(r"[-−]?\d[\d.,]*")
 
 
@@ -43,7 +44,7 @@ def trial(tmp_path: Path) -> Path:
     folder = tmp_path / "my-trial"
     shutil.copytree(FIELD, folder)
     try:
-        Renderer(build(read_scene(folder / "field" / "A1.toml"))).close()
+        Renderer(build(read_scene(folder / "apart" / "field" / "A1.toml"))).close()
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
     return folder
@@ -52,8 +53,9 @@ def trial(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("page", "count", "result", "plots"),
     [
-        ("getting-started.md", 15, "season", ["A1", "A2", "B1", "B2"]),
-        ("trials.md", 4, "scores", [f"r{row}c{column}" for row in (1, 2) for column in (1, 2, 3, 4)]),
+        ("getting-started.md", 9, "scores", TRIAL),
+        ("trials.md", 4, "scores", TRIAL),
+        ("plots-apart.md", 15, "apart/season", ["A1", "A2", "B1", "B2"]),
     ],
 )
 def test_every_command_runs_and_says_what_the_page_shows(
@@ -65,7 +67,7 @@ def test_every_command_runs_and_says_what_the_page_shows(
     for words, shown in commands(page):
         done = subprocess.run(
             [sys.executable, "-c", script, *words[1:]],
-            cwd=trial,
+            cwd=(trial / result).parent,
             env=environment,
             capture_output=True,
             text=True,

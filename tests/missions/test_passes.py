@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError, UsageError
-from fieldkit.geometry.pose import wrapped_deg
+from fieldkit.geometry.pose import rotation_about_z, wrapped_deg
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export_mission import export_mission
 from fieldkit.missions.files.formats import read_mission
@@ -20,9 +20,12 @@ from fieldkit.results.mission import Home, load_mission
 from fieldkit.results.pattern import Look, Pattern
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import save_plan
+from fieldkit.scenes.plot_description import TrialDescription
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit_sim.surveys import pattern_over
+from fieldkit_sim.trial.files import new_trial
 
 PATTERN = Pattern((Look(0.0, -60.0), Look(180.0, -60.0)), 8.0, 2.1, 2.2)
 FORMS = [
@@ -190,3 +193,20 @@ def test_every_photograph_is_foretold_and_where_the_pattern_wants_one(
             apart = np.linalg.norm(wanted[:, None] - given_, axis=2)
             assert apart.min(axis=1).max() < 0.5 * along + 0.25
             assert apart.min(axis=0).max() < along + 0.25
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 90.0001, 250.0])
+def test_a_simulated_flight_takes_the_photographs_that_its_mission_foresees(tmp_path, heading_deg):
+    scene = replace(new_trial(TrialDescription(ranges=2, columns=3)), row_heading_deg=heading_deg)
+    home, (length_m, width_m) = Home(52.2955, 10.437, 81.0), scene.plot.trial.size_m
+    plot = {"latitude_deg": 52.296, "longitude_deg": 10.437, "height_m": 0.0, "datum": "home", "plant_height_m": 1.2}
+    block = SitePlot(name="b", row_heading_deg=heading_deg, length_m=length_m, width_m=width_m, **plot)
+    pattern = Pattern((Look(30.0, -60.0),), 8.0, 2.1, 2.2)
+    _, record = exported(tmp_path, Site(home=home, plots=(block,)), plan=Plan(fieldkit="0", pattern=pattern))
+    shots = record.flights[0].passings
+    poses = pattern_over(pattern, scene)
+    turned = np.array([pose.center for pose in poses]) @ rotation_about_z(np.radians(90.0 - heading_deg)).T
+    level = SiteFrame(Home(52.296, 10.437, 81.0)).points([shot.place for shot in shots])
+    away = np.linalg.norm(level[:, None, :2] - turned[None, :, :2], axis=2)
+    assert len(poses) == len(shots)
+    assert max(away.min(axis=0).max(), away.min(axis=1).max()) < 0.6 * pattern.along_m

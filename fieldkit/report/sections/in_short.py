@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
 
 from fieldkit.campaign import Campaign
 from fieldkit.campaign.overview import verdict as campaign_verdict
 from fieldkit.figures.content import (
     Block,
-    Cell,
-    Column,
     Details,
-    Level,
-    Mark,
     Paragraph,
-    Row,
     Section,
     Statement,
     Statements,
     Table,
-    column,
-    tabulated,
 )
-from fieldkit.figures.registry import FIGURES
-from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error, millimetres
+from fieldkit.figures.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.figures.tables.scores import counted_traits, plot_cell, traits_table
+from fieldkit.report.sections.demo import demo_errors, demo_statement, demo_traits
 from fieldkit.report.sections.loaded import FlownMission, PlanRun, Results
 from fieldkit.report.sections.plots import campaign_map, flight_map, led_to
 from fieldkit.report.sections.shown import Shown
@@ -33,12 +25,6 @@ from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import FIELD_PICTURE, EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.finding import OTHER_PLANTS
 from fieldkit.wording import by_key, count, listed
-
-if TYPE_CHECKING:
-    from fieldkit.results.demo import DemoReport, PlotName
-    from fieldkit.results.evaluation import PlotEvaluation
-    from fieldkit.results.traits import Trait
-
 
 HEADING = "In short"
 _LONG = 24  # rows of tables
@@ -57,7 +43,8 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     grouped = tuple(_grouped(to_do))
     rest = tuple(each for each in statements if each not in grouped)
     demos = [each.report for each in results.of(DemoReport)]
-    compared = [each for demo in demos for each in demo_statements(demo)]
+    plots = {each.folder.name.removeprefix("evaluation-"): each.report.plots for each in results.of(EvaluationReport)}
+    compared = [demo_statement(demo) for demo in demos]
     blocks: list[Block] = [Statements((*compared, verdict(results, statements)))]
     maps = [campaign_map(result.report, f"campaign-{k}") for k, result in enumerate(results.of(Campaign), 1)]
     for k, result in enumerate(results.of(EvaluationReport), 1):
@@ -66,10 +53,7 @@ def in_short(results: Results, statements: Sequence[Statement], shown: Shown) ->
     blocks += [*(drawn for drawn in maps if drawn is not None), *([] if results.of(Campaign) else shown.first_view())]
     tables: list[Block] = list(_plants(results, shown))
     if demos:
-        plots = {
-            each.folder.name.removeprefix("evaluation-"): each.report.plots for each in results.of(EvaluationReport)
-        }
-        tables = [block for demo in demos for block in (demo_traits(demo, plots), demo_table(demo))]
+        tables = [block for demo in demos for block in (demo_errors(demo), demo_traits(demo, plots))]
     ordered = sorted(grouped, key=lambda each: each.level != "problem")
     todo: list[Block] = [Statements(tuple(ordered))] if ordered else []
     if step := next_step(results):
@@ -152,7 +136,10 @@ def _made(results: Results) -> Iterator[tuple[str, bool]]:
 def _plan(result: PlanRun) -> str:
     if result.plan is None:
         return "a plan in the making"
-    text, method = f"a plan of {count(len(result.plan.stations), 'view')}", result.plan.method
+    pattern, method = result.plan.pattern, result.plan.method
+    text = f"a plan of {count(len(result.plan.stations), 'view')}"
+    if pattern is not None:
+        text = f"a pattern of {count(len(pattern.looks), 'way')} to look"
     if method is None or method.chamfer_m is None:
         return text
     return f"{text} ({format_with_error(method.chamfer_m, method.known_spread_m)} from its reference)"
@@ -183,100 +170,3 @@ def next_step(results: Results) -> str:
     if made := next((each for each in plans if each.report.plan is not None), None):
         return _AFTER_PLAN.format(results.path(made))
     return _AFTER_REFERENCE.format(results.path(references[0])) if references and not plans else ""
-
-
-TITLE = "Planned views against the best circle"
-
-
-MEASURED = (
-    "Over 20 simulated plots that nobody planned on, in 10 mm of wind, heights by the default plan are off by 14.0 mm, "
-    "cover by 3.0 % and volumes by 3.9 % (RMSE); the clouds' distance to the true plants is 0.99 of the best ring's "
-    "there, on two plots."
-)
-"""What plans are worth: of docs/traits.md, "Planned views", outdoors, simulated."""
-_LEVEL = 0.05
-"""Difference that one flight of each cannot tell (docs/benchmarks.md, the demo)."""
-_PLOTS: tuple[tuple[PlotName, str], ...] = (("seen", "the plot that was planned on"), ("unseen", "a plot never seen"))
-
-
-_TRUE: tuple[Trait, ...] = ("height_m", "cover_percent", "covered_area_m2")
-"""Traits whose truth is told."""
-
-
-def demo_statements(report: DemoReport) -> tuple[Statement, Statement]:
-    """What plans are worth by the benchmark, and what this run drew."""
-    return Statement("good", MEASURED), _drawn(report)
-
-
-def demo_traits(report: DemoReport, evaluations: Mapping[str, Sequence[PlotEvaluation]]) -> Table:
-    """Traits of each plot by each kind of views, beside the true ones; ``evaluations`` are by plot."""
-    rows = []
-    for plot, name in _PLOTS:
-        for each in evaluations.get(plot, ()):
-            row: Row = {"plot": name, "views": each.name}
-            for figure in (FIGURES[key] for key in _TRUE):
-                known = getattr(report.truth.get(plot), figure.key, None)
-                row |= {figure.column: figure.cell(each), f"true, {figure.unit}>": figure.number(known)}
-            rows.append(row)
-    return tabulated("Plants, measured and true", rows)
-
-
-def _drawn(report: DemoReport) -> Statement:
-    """How planned views compare with the circle in this run, by the true plants."""
-    found = [
-        (name, _share(circle.to_true_plants_m, planned.to_true_plants_m))
-        for plot, name in _PLOTS
-        if (circle := report.score(plot, "circle")) is not None
-        and (planned := report.score(plot, "planned")) is not None
-    ]
-    if not found:
-        return Statement("note", "Planned views and the circle were not both scored.")
-    said = listed([f"{_worth(share)} on {name}" for name, share in found])
-    shares = [share for _, share in found]
-    text = f"This run is one draw: measured against the true plants, the planned views are {said}."
-    return Statement(_level(min(shares), max(shares)), text)
-
-
-def demo_table(report: DemoReport) -> Table:
-    """A row per plot and judge, and what the figures can and cannot say."""
-    return Table(
-        TITLE,
-        (
-            *map(column, ("plot", "compared with", "circle, mm>", "planned, mm>", "planned views are")),
-            Column("photographs used", True, detail=True),
-        ),
-        tuple(_rows(report)),
-        "Chamfer distances after ICP, of one flight each: below 5 % nothing can be claimed. The circle is the best of "
-        "75 by the score about each plot's own plants. References are photographs too, so the judges need not agree.",
-    )
-
-
-def _rows(report: DemoReport) -> Iterator[tuple[Cell, ...]]:
-    for plot, name in _PLOTS:
-        circle, planned = report.score(plot, "circle"), report.score(plot, "planned")
-        if circle is None or planned is None:
-            continue
-        used = f"{circle.right} and {planned.right} of {planned.images}"
-        for judge, of_circle, of_plan in (
-            ("its reference", circle.to_reference_m, planned.to_reference_m),
-            ("the true plants", circle.to_true_plants_m, planned.to_true_plants_m),
-        ):
-            share = _share(of_circle, of_plan)
-            mark = Mark(_level(share, share), _worth(share))
-            yield name, judge, millimetres(of_circle), millimetres(of_plan), mark, used
-
-
-def _share(circle_m: float, planned_m: float) -> float:
-    """By which share planned views are nearer than the circle, to a hundredth."""
-    return round(1.0 - planned_m / circle_m, 2) if circle_m > 0 else 0.0
-
-
-def _level(least: float, most: float) -> Level:
-    return "good" if least >= _LEVEL else "problem" if most <= -_LEVEL else "fact"
-
-
-def _worth(share: float) -> str:
-    size = f"{abs(100 * share):.0f} %"
-    if abs(share) < _LEVEL:
-        return "level with the circle" if size == "0 %" else f"level ({size} {'nearer' if share > 0 else 'farther'})"
-    return f"{size} {'nearer' if share > 0 else 'farther'}"

@@ -214,7 +214,7 @@ class _Reader:
 
 
 def _plan_run(folder: Path) -> PlanRun:
-    plan = load_plan(folder / PLAN_FILE) if (folder / PLAN_FILE).is_file() else None
+    plan = load_plan(folder / PLAN_FILE, patterns=True) if (folder / PLAN_FILE).is_file() else None
     if not (folder / SETTINGS_FILE).is_file():
         return PlanRun(plan)
     from fieldkit.planning.run.folder import LOG_FILE, read_log, read_settings, searched

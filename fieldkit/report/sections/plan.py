@@ -28,6 +28,7 @@ from fieldkit.figures.style import (
 from fieldkit.report.sections.loaded import FlownMission, Loaded, PlanRun, Results
 from fieldkit.report.sections.shown import Shown
 from fieldkit.results.mission import Shot
+from fieldkit.results.pattern import Pattern
 from fieldkit.results.plan import Plan, Station, station_number
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.wording import count
@@ -46,7 +47,7 @@ def plan_section(result: Loaded[PlanRun], anchor: str, shown: Shown) -> Section:
     run = result.report
     blocks: list[Block] = [KeyFigures(tuple(_figures(run))), *shown.view_blocks(anchor)]
     if run.plan is not None:
-        blocks.append(_stations(run.plan))
+        blocks.append(_stations(run.plan) if run.plan.pattern is None else _looks(run.plan.pattern))
     if run.outcome is not None and run.outcome.finalists:
         blocks.append(finalist_table(run.outcome))
     return Section(anchor, "Plan" if result.name == "plan" else f"Plan: {result.name}", tuple(blocks))
@@ -112,7 +113,12 @@ def finalist_table(outcome: Outcome) -> Table:
 
 def _figures(result: PlanRun) -> Iterator[KeyFigure]:
     plan, settings, outcome = result.plan, result.settings, result.outcome
-    if plan is not None:
+    if plan is not None and (pattern := plan.pattern) is not None:
+        yield KeyFigure("above the ground", f"{pattern.height_m:g} m")
+        yield KeyFigure("along lines", f"{pattern.along_m:g} m", "from photograph to photograph")
+        yield KeyFigure("between lines", f"{pattern.between_m:g} m", "of one way to look")
+        yield KeyFigure("speed", f"{pattern.speed_mps:g} m/s", "along lines")
+    elif plan is not None:
         yield KeyFigure("camera poses", f"{len(plan.stations)}")
         if plan.method is not None and plan.method.chamfer_m is not None:
             yield KeyFigure(
@@ -145,6 +151,20 @@ def _stations(plan: Plan) -> Table:
             for number, station in enumerate(plan.stations)
         ],
         "Plot frame: metres from the plot's centre on the ground; z is the height above it.",
+    )
+
+
+def _looks(pattern: Pattern) -> Table:
+    return tabulated(
+        "Ways to look",
+        [
+            {
+                Column("heading, °", True): decimal(each.heading_deg, 1),
+                Column("pitch, °", True): decimal(each.pitch_deg, 1),
+            }
+            for each in pattern.looks
+        ],
+        "Headings are against the rows, clockwise.",
     )
 
 

@@ -107,9 +107,9 @@ def plot_view(result: Loaded[EvaluationReport], plot: PlotEvaluation, results: R
 
 
 def plan_view(result: Loaded[PlanRun], results: Results) -> NotedView:
-    """A plan's cameras about the plants."""
+    """A plan's cameras about the plants; a pattern stands about none."""
     plan = result.report.plan
-    if plan is None:
+    if plan is None or not plan.stations:
         return None, ""
     layers, note = _plan_plants(plan, results)
     if not layers and not note:

@@ -1,1 +1,1 @@
-"""The demo: the whole way from a dense capture to scores of an unseen plot, on small simulated plots."""
+"""The demo: a small block of a trial, flown by a planned pattern and by an app's grid, both beside the truth."""

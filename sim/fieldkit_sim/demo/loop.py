@@ -1,78 +1,72 @@
-"""fieldkit demo: dense capture → reference → plan → mission → flight → captures of two plots → scores → report."""
+"""fieldkit demo: a block of a trial → plan → mission → two flights → traits of every plot → report."""
 
 from __future__ import annotations
 
+import importlib.util
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
-from fieldkit.cache import StageCache
-from fieldkit.clouds import CloudScore, ReferenceIndex, read_cloud, score
-from fieldkit.clouds.alignment import icp_onto_reference
-from fieldkit.evaluation.reference import Reference
+import numpy as np
+
+from fieldkit.evaluation.settings import EvaluationSettings
+from fieldkit.figures.registry import FIGURES
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.settings import MissionSettings
-from fieldkit.planning.plan_settings import NoiseSettings, PlanSettings
+from fieldkit.planning.patterns.plan import TrialPlan, plan_trial, shipped_patterns
+from fieldkit.planning.patterns.space import PatternSpace
+from fieldkit.planning.plan_settings import TrialSettings
 from fieldkit.planning.run.flyable import flight_noise
-from fieldkit.planning.run.outcome import Outcome
-from fieldkit.planning.run.plan import plan
-from fieldkit.planning.run.request import search_settings
-from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.planning.score.cost_model import CostModel
-from fieldkit.planning.space.families import circles
 from fieldkit.report.write_report import REPORT_FILE, write_report
-from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
-from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, PlotEvaluation, ReferenceReport
-from fieldkit.results.plan import Plan
-from fieldkit.results.plan_file import load_plan
+from fieldkit.results.demo import DEMO_FILE, JUDGED, DemoFlight, DemoReport
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.traits import TraitsEntry
+from fieldkit.routing.passes import Line, pass_time
 from fieldkit.runtime.context import Context
-from fieldkit.sites.fitted import fitted_to_height
-from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
-from fieldkit.vocabulary import WEIGHTS
-from fieldkit_sim.demo.flight import upload_to_stand_in
-from fieldkit_sim.demo.plots import (
-    SEEN,
-    UNSEEN,
-    Shooting,
-    build,
-    dense_shooting,
-    evaluate,
-    measured_height_m,
-    photograph,
-    scene_path,
-    truth,
-)
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.plot_description import TrialDescription
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
+from fieldkit.vocabulary import Stage
+from fieldkit_sim.demo.flights import BLOCK, FLIGHTS, Flight, evaluate, photograph
+from fieldkit_sim.surveys import Passes, pattern_over
+from fieldkit_sim.trial.files import PLOTS_FILE, new_trial, write_trial
+from fieldkit_sim.trial.truth import PlotTruth
 
-VEHICLE = "ardupilot-pitch"
-CAMERAS = 10
-"""Number of photographs of the plan and of the circle."""
-PLANNED, CIRCLE = "planned", "circle"
-PLOTS = (SEEN, UNSEEN)
-_REPEATS = 2
-"""Number of confirmations of the plan."""
-_AIMS = 3
-"""Number of heights that circles are aimed at."""
+VEHICLE = "dji-mavic-3-enterprise"
+STAGE: Stage = "V8"
+"""Growth stage of the block's plants."""
+_SIDE = 2
+"""Plots along and across its rows: few, since they are rendered and reconstructed on two cores."""
+_LENGTH_M = 2.0
+"""Of their rows: short, for the same reason."""
+_SMALLER = 2
+"""How many times smaller photographs are than the vehicle's, along a side: a quarter of the time."""
+_GRID_M = 8.0
+"""Height of the app's grid above the ground, metres: lower ones apps hardly fly."""
+_OVERLAP = 0.8
+"""Its overlap along and between lines, as apps advise for plants."""
+_FROM_HOME_M = 4.0
+"""Distance of home from the block's corner, metres east and north."""
+_RULER_M = 0.1
+"""What people state heights to, metres."""
 
 
 @dataclass(frozen=True)
 class Demo:
     """What the demo made."""
 
-    reference: ReferenceReport
-    """Report of the dense capture of the plot that is planned on."""
-    outcome: Outcome
-    stations: int
-    """Of the mission."""
-    items: int
-    """That the stand-in vehicle took."""
+    plan: TrialPlan
+    mission: ExportedMission
     evaluations: Mapping[str, Sequence[PlotEvaluation]]
-    """Of planned views and of a circle, by plot."""
+    """By flight."""
     compared: DemoReport
-    """Demo.json: the two against each other."""
+    """demo.json: the block's truth, and what the flights took."""
     report: Path
     """The HTML file."""
     seconds: float
@@ -80,186 +74,128 @@ class Demo:
 
 
 def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo:
-    """Do what fieldkit is for, once, on two simulated plots of young maize.
+    """Do what fieldkit is for, once, over a small block of a trial, and the same by an app's grid.
 
     Args:
-        output: folder of the result: captures/, reference/, reference-unseen/, plan/, mission/, evaluation-seen/,
-            evaluation-unseen/, report.html and demo.json. It appears with the references; demo.json comes last.
+        output: folder of the result: block/, plan/, mission/, flights/, evaluation-planned/, evaluation-grid/,
+            report.html and demo.json. It appears with the flights; demo.json and the report come last.
         overwrite: replace an earlier demo in ``output``.
     """
-    begun, progress = time.perf_counter(), context.progress
-    noise = flight_noise(load_vehicle(VEHICLE))
-    with atomic_folder(output, overwrite=overwrite, marker=reference_folder(output, UNSEEN).name) as folder:
-        references = _references(folder, noise, context)
-    progress.note(f"the references are in {output}; plan, mission and scores follow there")
-    plan, outcome = _plan(output / "plan", context)
-    with progress.stage("The best circles", len(PLOTS)) as advance:
-        circles = dict(zip(PLOTS, context.map(partial(_best_circle, noise, output), PLOTS, advance), strict=True))
-    mission = _mission(output, context)
-    with progress.stage("Upload to the stand-in vehicle"):
-        items = upload_to_stand_in(mission.files[0]).items
-    evaluations = _captures_and_scores(output, plan, circles, noise, context)
-    compared = _compared(output, evaluations, noise, context.seed)
-    write_atomic(output / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
-    write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
-    seconds = time.perf_counter() - begun
-    return Demo(
-        references[SEEN],
-        outcome,
-        len(plan.stations),
-        items,
-        {plot: report.plots for plot, report in evaluations.items()},
-        compared,
-        output / REPORT_FILE,
-        seconds,
-    )
-
-
-def reference_folder(folder: Path, plot: str) -> Path:
-    """Where a plot's reference lies in the demo's folder."""
-    return folder / ("reference" if plot == SEEN else f"reference-{plot}")
-
-
-def _truth_file(folder: Path, plot: str) -> Path:
-    return folder / "truth" / f"{plot}.ply"
-
-
-def _references(folder: Path, noise: NoiseSettings, context: Context) -> dict[str, ReferenceReport]:
-    dense = {plot: folder / "captures" / "dense" / plot for plot in PLOTS}
-    shootings = [
-        dense_shooting(plot, dense[plot], noise.outdoors, context.seed * 1000 + k, _truth_file(folder, plot))
-        for k, plot in enumerate(PLOTS)
-    ]
-    places = [(plot, dense[plot], reference_folder(folder, plot)) for plot in PLOTS]
-    (folder / "truth").mkdir()
-    with context.progress.stage("Dense captures of two plots", len(PLOTS)) as advance:
-        context.map(photograph, shootings, advance)
-    with context.progress.stage("Their references", len(PLOTS)) as advance:
-        return dict(zip(PLOTS, context.map(partial(build, context.seed, context.cache), places, advance), strict=True))
-
-
-def _plan(output: Path, context: Context) -> tuple[Plan, Outcome]:
-    """The plan for plots like the seen one, and what came of its finalists."""
-    settings = PlanSettings(
-        scene=scene_path(SEEN),
-        vehicle=VEHICLE,
-        cameras=CAMERAS,
-        repeats=_REPEATS,
-        confirm_fidelity="draft",
+    begun, progress, vehicle = time.perf_counter(), context.progress, load_vehicle(VEHICLE)
+    scene = new_trial(_block(context.seed), name="demo")
+    noise = flight_noise(vehicle)
+    with atomic_folder(output, overwrite=overwrite, marker=BLOCK) as folder:
+        truth = write_trial(folder / BLOCK, scene, progress=progress)
+        lines, minutes = _grid(scene, vehicle)
+        with progress.stage("Plan and mission"):
+            asked = TrialSettings(trial=folder / BLOCK / PLOTS_FILE, stage=STAGE, minutes=minutes)
+            plan = plan_trial(folder / "plan", asked, VEHICLE)
+            mission = _mission(folder, scene, truth, context)
+        pattern = plan.chosen.worth.pattern
+        poses = {"planned": pattern_over(pattern, scene), "grid": [pose for line in lines for pose in line.poses]}
+        camera = vehicle.camera.without_distortion()
+        camera = camera.scaled(camera.width // _SMALLER, camera.height // _SMALLER)
+        (folder / FLIGHTS).mkdir()
+        flights = [
+            Flight(name, shots, camera, noise, 2 * context.seed + k) for k, (name, shots) in enumerate(poses.items())
+        ]
+        with progress.stage("Photographs of two flights", len(flights)) as advance:
+            context.map(partial(photograph, folder), flights, advance)
+    progress.note(f"plan, mission and photographs are in {output}; what they measure follows there")
+    rasters = all(importlib.util.find_spec(name) is not None for name in ("rasterio", "pyproj"))
+    settings = EvaluationSettings(rasters=rasters, seed=context.seed)
+    with progress.stage("Plots of both flights", len(flights)) as advance:
+        reports = context.map(partial(evaluate, output, context.cache, settings), [*poses], advance)
+    known = {plot.plot: _traits(plot) for plot in truth}
+    compared = DemoReport(
         seed=context.seed,
-    )
-    outcome = plan(output, settings, context)
-    return load_plan(output), outcome
-
-
-def _best_circle(noise: NoiseSettings, folder: Path, plot: str) -> list[Pose]:
-    """What the plan is compared with on a plot: of 75 circles about its own plants the one that the geometric score
-    likes best, for the same vehicle, noise and wind.
-    """
-    asked = PlanSettings(scene=scene_path(plot), vehicle=VEHICLE, cameras=CAMERAS, purpose="this-plot", noise=noise)
-    problem = set_up_run(search_settings(asked), folder, Context(StageCache(None))).problem
-    cost_model = CostModel(problem)
-    sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, aims=_AIMS)]
-    return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS)).poses()
-
-
-def _mission(folder: Path, context: Context) -> ExportedMission:
-    with context.progress.stage("Mission"):
-        (folder / "mission").mkdir()
-        site = missions_folder() / "sites" / "example.toml"
-        settings = MissionSettings(plant_height=measured_height_m(SEEN))
-        return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.plan", settings)
-
-
-def _captures_and_scores(
-    folder: Path, plan: Plan, circles: Mapping[str, Sequence[Pose]], noise: NoiseSettings, context: Context
-) -> dict[str, EvaluationReport]:
-    shootings = [
-        Shooting(
-            plot,
-            folder / "captures" / plot / name,
-            poses,
-            plan.camera,
-            (noise.pose_m, noise.pose_deg),
-            noise.outdoors,
-            context.seed * 1000 + 10 + k,
-        )
-        for k, plot in enumerate(PLOTS)
-        for name, poses in (
-            (PLANNED, [station.pose for station in fitted_to_height(plan, measured_height_m(plot)).stations]),
-            (CIRCLE, circles[plot]),
-        )
-    ]
-    places = [
-        (plot, folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}")
-        for plot in PLOTS
-    ]
-    with context.progress.stage("Captures of both plots", len(shootings)) as advance:
-        context.map(photograph, shootings, advance)
-    with context.progress.stage("Scores", len(places)) as advance:
-        scored = context.map(partial(evaluate, context.seed, context.cache), places, advance)
-    return dict(zip(PLOTS, scored, strict=True))
-
-
-def _compared(folder: Path, evaluations: Mapping[str, EvaluationReport], noise: NoiseSettings, seed: int) -> DemoReport:
-    plants = {plot: _true_plants(folder, plot) for plot in evaluations}
-    scores = [
-        {
-            "plot": plot,
-            "views": each.name,
-            "images": each.images,
-            "right": each.right,
-            "to_reference_m": each.chamfer_m,
-            "to_true_plants_m": _against(plants[plot], folder / f"evaluation-{plot}" / each.name).chamfer.chamfer_m,
-        }
-        for plot, report in evaluations.items()
-        for each in report.plots
-    ]
-    return DemoReport(
-        seed=seed,
         pose_noise=(noise.pose_m, noise.pose_deg),
         wind_m=noise.wind_m,
         vehicle_kg=noise.vehicle_kg,
-        reference_to_true_plants_m=_against(plants[SEEN], reference_folder(folder, SEEN)).chamfer.chamfer_m,
-        scores=tuple(DemoEntry.model_validate(score) for score in scores),
-        truth={"seen": truth(SEEN), "unseen": truth(UNSEEN)},
+        flights=(
+            _flown("planned", plan.chosen.minutes, reports[0], known),
+            _flown("grid", minutes, reports[1], known),
+        ),
+        truth=known,
     )
+    write_atomic(output / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
+    write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
+    evaluations = {name: report.plots for name, report in zip(poses, reports, strict=True)}
+    seconds = time.perf_counter() - begun
+    return Demo(plan, mission, evaluations, compared, output / REPORT_FILE, seconds)
 
 
-def _true_plants(folder: Path, plot: str) -> ReferenceIndex:
-    """The plants' true surfaces, in the frame and the volume of the plot's reference."""
-    known = Reference(reference_folder(folder, plot)).known_plot()
-    # The captures' poses.csv is in the scene's frame, and so are the true surfaces.
-    surfaces = read_cloud(_truth_file(folder, plot)).transformed(known.source.from_source)
-    return ReferenceIndex(surfaces.select(known.volume.contains(surfaces.points)))
+def _block(seed: int) -> TrialDescription:
+    return TrialDescription(seed=seed, ranges=_SIDE, columns=_SIDE, length_m=_LENGTH_M, stage=STAGE)
 
 
-def _against(truth: ReferenceIndex, folder: Path) -> CloudScore:
-    """A folder's cloud against the truth; ICP takes out how far it is off, as for the other scores."""
-    cloud = read_cloud(folder / CLOUD_FILE)
-    motion, _ = icp_onto_reference(cloud, truth)
-    return score(truth, cloud.transformed(motion))
+def _flown(
+    name: Literal["planned", "grid"], minutes: float, report: EvaluationReport, truth: Mapping[str, TraitsEntry]
+) -> DemoFlight:
+    """A flight, and how far its plots' traits are off the true ones."""
+    assert report.flight is not None
+    errors = dict[str, float]()
+    held = known = 0
+    for trait in JUDGED:
+        figure, off = FIGURES[trait], list[float]()
+        for plot in report.plots:
+            value, true = figure.value(plot), getattr(truth[plot.name], trait)
+            if value is not None:
+                off.append(value - true)
+                held += abs(off[-1]) <= (figure.error_towards(plot, true > value) or 0.0)
+        known += len(off)
+        if off:
+            errors[trait] = float(np.sqrt(np.mean(np.square(off))))
+    images = report.flight.images
+    return DemoFlight(name=name, minutes=minutes, photographs=images, errors=errors, held=held, known=known)
+
+
+def _grid(scene: SceneDescription, vehicle: Vehicle) -> tuple[list[Line], float]:
+    """The lines of an app's grid over a block, and its minutes in the air at the greatest speed without blur."""
+    passes = Passes(_GRID_M, -90.0, (0.0,), _OVERLAP, _OVERLAP)
+    space = PatternSpace(vehicle, shipped_patterns(STAGE, 0.0, vehicle).plants_m)
+    lines = passes.lines(scene.bounds.lower_m, scene.bounds.upper_m, vehicle.camera)
+    return lines, pass_time(lines, vehicle, space.flyable(passes.pattern(vehicle.camera)).speed_mps) / 60.0
+
+
+def _mission(folder: Path, scene: SceneDescription, truth: Sequence[PlotTruth], context: Context) -> ExportedMission:
+    """The plan's mission over the block's plots, from a site file beside them."""
+    corner = np.array(scene.bounds.lower_m) - (_FROM_HOME_M, _FROM_HOME_M, 0.0)
+    latitude, longitude, _ = (float(value[0]) for value in scene.site.origin.to_geodetic(corner[None]))
+    site = folder / BLOCK / "site.toml"
+    home = f"[home]\nlatitude_deg = {latitude:.7f}\nlongitude_deg = {longitude:.7f}\n"
+    write_atomic(site, f'format = 1\nname = "demo"\ntransit_m = 5.0\nplots = "{PLOTS_FILE}"\n\n{home}')
+    highest_m = math.ceil(max(plot.height_m for plot in truth) / _RULER_M) * _RULER_M
+    (folder / "mission").mkdir()
+    settings = MissionSettings(plant_height=highest_m)
+    return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.kmz", settings, context)
+
+
+def _traits(truth: PlotTruth) -> TraitsEntry:
+    return TraitsEntry(
+        height_m=truth.height_m,
+        height_p95_m=truth.height_p95_m,
+        height_p99_m=truth.height_p99_m,
+        cover_percent=truth.cover_percent,
+        canopy_volume_m3=truth.volume_m3,
+    )
 
 
 def figures(demo: Demo) -> dict[str, object]:
     """The demo's figures for machines."""
-    true_plants: dict[tuple[str, str], float] = {
-        (each.plot, each.views): each.to_true_plants_m for each in demo.compared.scores
-    }
     return {
         "report": str(demo.report),
         "seconds": demo.seconds,
-        "reference": demo.reference.model_dump(mode="json", exclude={"image_reports"}),
-        "reference_to_true_plants_m": demo.compared.reference_to_true_plants_m,
-        "plan": demo.outcome.model_dump(mode="json"),
-        "mission": {"stations": demo.stations, "items": demo.items},
-        "scores": [
+        "plan": demo.plan.chosen.row,
+        "mission": {"photographs": demo.mission.routed.photographs, "seconds": demo.mission.routed.time_s},
+        "flights": [flight.model_dump() for flight in demo.compared.flights],
+        "plots": [
             {
-                "plot": plot,
-                "to_true_plants_m": true_plants[plot, each.name],
-                **each.model_dump(mode="json", exclude={"image_reports"}),
+                "flight": flight,
+                "truth": demo.compared.truth[plot.name].model_dump(mode="json", exclude_none=True),
+                **plot.model_dump(mode="json", exclude={"image_reports"}),
             }
-            for plot, plots in demo.evaluations.items()
-            for each in plots
+            for flight, plots in demo.evaluations.items()
+            for plot in plots
         ],
     }

@@ -1,58 +1,51 @@
-"""The demo's verdict: planned views against the circle, by both judges."""
+"""The demo's verdict: a planned pattern against an app's grid, by the truth."""
 
 import pytest
 
-from fieldkit.report.sections.in_short import MEASURED, demo_statements, demo_traits
-from fieldkit.results.demo import DemoEntry, DemoReport
+from fieldkit.report.sections.demo import demo_errors, demo_statement, demo_traits
+from fieldkit.results.demo import DemoFlight, DemoReport
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import TraitsEntry
 
 
-def report(**planned_mm: float) -> DemoReport:
-    """The circle at 4 mm everywhere; planned views as given to the true plants, by plot."""
-    entries = [
-        DemoEntry(plot=plot, views=views, images=10, right=10, to_reference_m=0.003, to_true_plants_m=value / 1000)
-        for plot, value_mm in planned_mm.items()
-        for views, value in (("circle", 4.0), ("planned", value_mm))
+def report(height_m: float, cover: float) -> DemoReport:
+    """The grid off by 4 cm and 5 %; the planned pattern as given."""
+    flights = [
+        DemoFlight(name=name, minutes=1.3, photographs=14, errors=errors, held=7, known=8)
+        for name, errors in (
+            ("planned", {"height_p95_m": height_m, "cover_percent": cover}),
+            ("grid", {"height_p95_m": 0.04, "cover_percent": 5.0}),
+        )
     ]
-    return DemoReport(
-        seed=0,
-        pose_noise=(0.02, 1.0),
-        wind_m=0.01,
-        vehicle_kg=1.5,
-        reference_to_true_plants_m=0.004,
-        scores=tuple(entries),
-        truth={},
-    )
+    truth = {"r1c1": TraitsEntry(height_p95_m=0.801, cover_percent=5.3)}
+    return DemoReport(seed=0, pose_noise=(0.02, 1.0), wind_m=0.01, vehicle_kg=1.0, flights=tuple(flights), truth=truth)
 
 
 def test_measured_traits_stand_beside_true_ones() -> None:
-    truth = TraitsEntry(height_m=0.801, cover_percent=5.3, covered_area_m2=0.081)
-    told = report(seen=3.6).model_copy(update={"truth": {"seen": truth}})
-    known = TraitsEntry(height_m=0.82, height_error_m=0.03, covered_area_m2=0.078, unknown={"cover_percent": "why"})
-    plot = PlotEvaluation(name="planned", images=10, seconds=1.0, cpu_seconds=1.0, traits=known)
-    table = demo_traits(told, {"seen": [plot]})
+    known = TraitsEntry(height_p95_m=0.82, height_p95_error_m=0.03, unknown={"cover_percent": "why"})
+    plot = PlotEvaluation(name="r1c1", images=10, seconds=1.0, cpu_seconds=1.0, traits=known)
+    table = demo_traits(report(0.02, 2.0), {"grid": [plot]})
     assert [column.label for column in table.columns][2:] == [
-        "height, m",
-        "true, m",
-        "true, %",
-        "covered area, m²",
-        "true, m²",
+        "height, 95 %, m",
+        "true height, 95 %, m",
+        "true cover, %",
     ]
-    assert table.rows == (("the plot that was planned on", "planned", "0.82 ± 0.03", "0.80", "5.3", "0.078", "0.081"),)
+    assert table.rows == (("r1c1", "app's grid", "0.82 ± 0.03", "0.80", "5.3"),)
+    errors = demo_errors(report(0.02, 2.0))
+    assert errors.rows[0] == ("planned pattern", "1.3", "14", "0.020", "2.00", "7 of 8")
 
 
 @pytest.mark.parametrize(
-    ("seen", "unseen", "level", "said"),
+    ("height_m", "cover", "level", "said"),
     [
-        (3.6, 3.4, "good", "10 % nearer on the plot that was planned on and 15 % nearer on a plot never seen"),
-        (3.6, 4.1, "fact", "10 % nearer on the plot that was planned on and level (2 % farther) on a plot never seen"),
-        (4.0, 4.0, "fact", "level with the circle on the plot that was planned on and level with"),
-        (4.4, 4.8, "problem", "10 % farther on the plot that was planned on and 20 % farther on a plot never seen"),
+        (0.01, 1.0, "good", "2 with smaller errors than the app's grid, and 0 with larger"),
+        (0.01, 19.0, "fact", "1 with smaller errors than the app's grid, and 1 with larger"),
+        (0.04, 4.0, "fact", "0 with smaller errors than the app's grid, and 0 with larger"),
+        (0.19, 5.0, "problem", "0 with smaller errors than the app's grid, and 1 with larger"),
     ],
 )
-def test_the_verdict_claims_no_more_than_a_flight_can_tell(seen: float, unseen: float, level: str, said: str) -> None:
-    many, drawn = demo_statements(report(seen=seen, unseen=unseen))
-    assert many.text == MEASURED
-    assert drawn.level == level
-    assert said in drawn.text
+def test_the_verdict_claims_no_more_than_four_plots_tell(height_m: float, cover: float, level: str, said: str) -> None:
+    found = demo_statement(report(height_m, cover))
+    assert found.level == level
+    assert said in found.text
+    assert f"{height_m:.3f} against 0.040 m" in found.text
