@@ -300,6 +300,7 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]
     outlines += [np.array(volume.footprint) for volume in without_plots(site, 0.0)]
+    outlines += [np.array(outline.exterior.coords)[:-1] for outline in site.outlines.values()]
     title = (
         f"{site.name}: {count(routed.photographs, 'photograph')}, {format_length(routed.length_m)}, "
         f"{format_seconds(routed.time_s)} from take-off to landing"

@@ -125,7 +125,7 @@ def _made(results: Results) -> Iterator[tuple[str, bool]]:
     plots = [plot for evaluation in results.of(EvaluationReport) for plot in evaluation.report.plots]
     if plots:
         done = [plot for plot in plots if plot.error is None]
-        told, complete = f"{len(done)} of {count(len(plots), 'capture')} reconstructed", len(done) == len(plots)
+        told, complete = f"{len(done)} of {count(len(plots), 'plot')} reconstructed", len(done) == len(plots)
         if not results.of(DemoReport):  # whose plots are methods: their range says nothing
             traits, all_known = counted_traits(done, len(plots))
             told, complete = f"{told}{_distances(done)}; {traits}", complete and all_known

@@ -282,7 +282,7 @@ def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: 
         results = read_results(tmp_path / name)
         said[name] = verdict(results, ()).text, next_step(results)
     assert "1 reference from 6 of 8 photographs" in said["ref"][0]
-    assert re.search(r"2 of 2 captures reconstructed \(chamfer distance [\d.]+ to [\d.]+ mm\)", said["eval"][0])
+    assert re.search(r"2 of 2 plots reconstructed \(chamfer distance [\d.]+ to [\d.]+ mm\)", said["eval"][0])
     assert "a plan of 7 views (4.10 ± 0.20 mm from its reference)" in said["plan"][0]
     assert re.search(r"1 mission of \d+ photographs \(\d+ plots?, [\d.]+ m, \d+:\d\d min\)", said["mission"][0])
     for name, command in (
