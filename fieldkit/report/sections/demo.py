@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from fieldkit.figures.content import Column, Row, Statement, Table, tabulated
 from fieldkit.figures.registry import FIGURES
@@ -28,8 +29,8 @@ def demo_statement(report: DemoReport) -> Statement:
     better, worse = sum(ratio < 1.0 / _CHANCE for ratio in ratios), sum(ratio > _CHANCE for ratio in ratios)
     return Statement(
         "good" if better and not worse else "problem" if worse and not better else "fact",
-        f"Of {count(len(ratios), 'trait')} the planned pattern has {better} with smaller errors than the app's grid, "
-        f"and {worse} with larger ones, by a factor of {_CHANCE:g}, which less may be chance: {listed(said)}.",
+        f"Of {count(len(ratios), 'trait')} the planned pattern has {better} with smaller errors than the app's grid "
+        f"and {worse} with larger ones, by more than chance may give (a factor of {_CHANCE:g}): {listed(said)}.",
     )
 
 
@@ -57,7 +58,7 @@ def demo_traits(report: DemoReport, plots: Mapping[str, Sequence[PlotEvaluation]
             row: Row = {"plot": plot.name, "flight": _NAMES.get(name)}
             for f in _JUDGED:
                 true = getattr(report.truth.get(plot.name), f.key, None)
-                row[Column(f.title, True, short=f.column.short)] = f.cell(plot)
-                row[Column(f"true {f.title}", True, short="true")] = f.number(true)
+                row[f.column] = f.cell(plot)
+                row[replace(f.column, label=f"true {f.title}", short="true")] = f.number(true)
             rows.append(row)
     return tabulated("Plants, measured and true", sorted(rows, key=lambda row: str(row["plot"])))

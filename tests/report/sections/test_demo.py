@@ -38,10 +38,10 @@ def test_measured_traits_stand_beside_true_ones() -> None:
 @pytest.mark.parametrize(
     ("height_m", "cover", "level", "said"),
     [
-        (0.01, 1.0, "good", "2 with smaller errors than the app's grid, and 0 with larger"),
-        (0.01, 19.0, "fact", "1 with smaller errors than the app's grid, and 1 with larger"),
-        (0.04, 4.0, "fact", "0 with smaller errors than the app's grid, and 0 with larger"),
-        (0.19, 5.0, "problem", "0 with smaller errors than the app's grid, and 1 with larger"),
+        (0.01, 1.0, "good", "2 with smaller errors than the app's grid and 0 with larger"),
+        (0.01, 19.0, "fact", "1 with smaller errors than the app's grid and 1 with larger"),
+        (0.04, 4.0, "fact", "0 with smaller errors than the app's grid and 0 with larger"),
+        (0.19, 5.0, "problem", "0 with smaller errors than the app's grid and 1 with larger"),
     ],
 )
 def test_the_verdict_claims_no_more_than_four_plots_tell(height_m: float, cover: float, level: str, said: str) -> None:
