@@ -13,6 +13,7 @@ from fieldkit.captures.model import Photo
 from fieldkit.documents.mistaken import CENTIMETRES, SWAPPED
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
+from fieldkit.geometry.pose import nearest_rotation
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.results.finding import Finding
 
@@ -88,8 +89,7 @@ def _far(metres: float) -> str:
 def _misfit(a: FloatArray, b: FloatArray) -> tuple[float, float, float]:
     """Spread of b and of a (n, 2) about their means, and what is left of b where a is turned and moved onto it."""
     one, other = a - a.mean(axis=0), b - b.mean(axis=0)
-    u, _, vt = np.linalg.svd(one.T @ other)
-    turn = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
+    turn = nearest_rotation(one.T @ other)
     first, second, third = (float(np.sqrt((v**2).sum(axis=1).mean())) for v in (other, one, one @ turn - other))
     return first, second, third
 

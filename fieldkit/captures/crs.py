@@ -12,6 +12,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, ecef_to_geodetic, geodetic_to_ecef
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.results.finding import Finding
 
 _REMEDY = "Name a system that EPSG knows, like EPSG:32633, or metres where the coordinates have no place."
@@ -181,8 +182,7 @@ def local_from_geodetic(
     rows = zip(poses.items(), geodetic, headings, frame.to_local(*geodetic.T), strict=True)
     for (name, pose), (latitude, longitude, _), heading, center in rows:
         level = LocalFrame(float(latitude), float(longitude)).rotation()
-        sine, cosine = np.sin(heading), np.cos(heading)
-        to_true = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        to_true = rotation_about_z(-heading)
         placed[name] = Pose(pose.rotation @ (frame.rotation() @ level.T @ to_true).T, center)
     return frame, placed
 

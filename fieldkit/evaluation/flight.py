@@ -359,8 +359,7 @@ def plot_views(sparse: SparseResult, volume: Volume) -> tuple[str, ...]:
         return names
     x, y = (np.linspace(low, high, _PLACES) for low, high in zip(volume.lower[:2], volume.upper[:2], strict=True))
     places = np.stack(np.meshgrid(x, y, volume.center[2]), axis=-1).reshape(-1, 3)
-    cameras = [sparse.intrinsics[name].without_distortion() for name in names]
-    seen = [camera.sees(sparse.poses[name].to_camera(places)) for camera, name in zip(cameras, names, strict=True)]
+    seen = [sparse.intrinsics[name].sees(places, sparse.poses[name]) for name in names]
     of_place = np.quantile(np.cumsum(seen, axis=0).reshape(len(names), -1), 0.1, axis=1)
     return names[: max(MOST_VIEWS, int((of_place < _VIEWS_OF_PLACE).sum()) + 1)]
 

@@ -129,7 +129,7 @@ def seams(cameras: Sequence[Camera], places: FloatArray, owner: IntArray) -> Int
     for index, (camera, pose) in enumerate(cameras):
         slope = _slope(pose, places)
         better = slope < least
-        better[better] = camera.sees(pose.to_camera(places[better]))
+        better[better] = camera.sees(places[better], pose)
         shown[better], least[better] = index, slope[better]
     for number in range(1, owner.max() + 1):
         own = owner == number
@@ -137,7 +137,7 @@ def seams(cameras: Sequence[Camera], places: FloatArray, owner: IntArray) -> Int
             middle = places[own].mean(axis=0)
             slopes = np.array([_slope(pose, middle) for _, pose in cameras])
             straightest = np.argsort(slopes, kind="stable")[: np.count_nonzero(slopes < _STEEPEST**2)].tolist()
-            seen = {k: cameras[k][0].sees(cameras[k][1].to_camera(places[own])) for k in straightest}
+            seen = {k: cameras[k][0].sees(places[own], cameras[k][1]) for k in straightest}
             best = max(seen, key=lambda k: np.count_nonzero(seen[k]), default=-1)  # of equal ones the first
             if best < 0 or not seen[best].any():
                 break

@@ -29,10 +29,11 @@ def plot_photo(found: Reconstruction, corners: Outline) -> bytes:
 
     def shown(name: str) -> tuple[int, float, str, FloatArray]:
         """How many of the plot's corners are in the picture, the area that they span, and where all are, pixels."""
-        local, camera = sparse.poses[name].to_camera(box), sparse.intrinsics[name]
-        visible = int(camera.without_distortion().sees(local).sum())
+        pose, camera = sparse.poses[name], sparse.intrinsics[name]
+        visible = int(camera.sees(box, pose).sum())
         if not visible:  # of a plot that is larger than the picture
             return 0, 0.0, name, np.array([(0.0, 0.0), (camera.width, camera.height)])
+        local = pose.to_camera(box)
         pixels = camera.project(local[local[:, 2] > 0.0])
         return visible, float(np.ptp(pixels, axis=0).prod()), name, pixels
 

@@ -401,8 +401,7 @@ def matched_share(sparse: SparseResult, points: FloatArray) -> float:
 
 def _in_pictures(sparse: SparseResult, points: FloatArray) -> BoolArray:
     """Which of the photographs that count has a point in the picture: (n, photographs), in the order of the poses."""
-    cameras = {name: sparse.intrinsics[name].without_distortion() for name in sparse.poses}
-    return np.stack([cameras[name].sees(pose.to_camera(points)) for name, pose in sparse.poses.items()], axis=1)
+    return np.stack([sparse.intrinsics[name].sees(points, pose) for name, pose in sparse.poses.items()], axis=1)
 
 
 def _grid(outline: Outline, ground: Plane) -> FloatArray:

@@ -12,6 +12,7 @@ from fieldkit.captures import Capture
 from fieldkit.evaluation.recorded_angles import LEAST_COMPARED, read_angles, without_angles
 from fieldkit.fieldcheck.model import Placement, finding_of
 from fieldkit.geometry import Pose
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.geometry.stations import PoseArray, associate, turn_between
 from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
@@ -182,8 +183,7 @@ def angles_as_meant(
     names = [capture.names[k] for k in placed.station_of]
     before = np.array([capture.priors[name].position for name in names], dtype=np.float64)
     turned_rad = np.radians(turn_between(before, placed.tags.poses.positions[list(placed.station_of)]))
-    c, s = np.cos(turned_rad), np.sin(turned_rad)
-    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = rotation_about_z(-turned_rad)
     planned = {capture.names[k]: plan.stations[s].pose.rotation for k, s in placed.station_of.items()}
     reading = read_angles(capture, planned, turn, _BOUND_DEG)
     if reading.as_recorded:

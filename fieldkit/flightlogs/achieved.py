@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,9 +46,10 @@ def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> Achieved
     if mount is not None:
         if attitude is None:
             return AchievedPose(trigger.place, None, None, None)
-        body = _body_to_world(attitude.roll_deg, attitude.pitch_deg, attitude.yaw_deg)
+        body = Pose.from_yaw_pitch(np.zeros(3), attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg).rotation
         camera = Pose.from_yaw_pitch(np.zeros(3), mount.yaw_deg, mount.pitch_deg).rotation
-        yaw, pitch, roll = Pose(camera @ body.T, np.zeros(3)).yaw_pitch_roll_deg()
+        right_forward_up = body[[0, 2, 1]] * [[1.0], [1.0], [-1.0]]
+        yaw, pitch, roll = Pose(camera @ right_forward_up, np.zeros(3)).yaw_pitch_roll_deg()
         return AchievedPose(trigger.place, yaw % 360.0, pitch, roll)
     if gimbal is None:
         return AchievedPose(trigger.place, None if attitude is None else attitude.yaw_deg, None, None)
@@ -57,13 +57,3 @@ def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> Achieved
     if gimbal.frame == "vehicle":
         heading = None if attitude is None else (attitude.yaw_deg + gimbal.yaw_deg) % 360.0
     return AchievedPose(trigger.place, heading, gimbal.pitch_deg, gimbal.roll_deg)
-
-
-def _body_to_world(roll_deg: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:
-    """(3, 3) from the vehicle's right-forward-up axes to east-north-up; the Tait–Bryan angles of `Attitude`."""
-    r, p, y = (math.radians(a) for a in (roll_deg, pitch_deg, yaw_deg))
-    cr, sr, cp, sp, cy, sy = math.cos(r), math.sin(r), math.cos(p), math.sin(p), math.cos(y), math.sin(y)
-    # Columns are the vehicle's axes in north-east-down (Rz Ry Rx), reordered to right, forward, up in east-north-up.
-    forward = np.array([cp * sy, cp * cy, sp])
-    right = np.array([sr * sp * sy + cr * cy, sr * sp * cy - cr * sy, -sr * cp])
-    return np.stack([right, forward, np.cross(right, forward)], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -179,23 +179,26 @@ class Series:
         return np.asarray(self.values[before] + step * ((time_s - self.times_s[before]) / span))
 
 
+_EMPTY = {width: Series.empty(width) for width in (1, 3, 4)}
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """The flight between the triggers, on the log's clock."""
 
-    position: Series = field(default_factory=lambda: Series.empty(4))
+    position: Series = _EMPTY[4]
     """Latitude, longitude (degrees), above sea level, above home (metres)."""
-    velocity: Series = field(default_factory=lambda: Series.empty(3))
+    velocity: Series = _EMPTY[3]
     """North, east, down, m/s."""
-    attitude: Series = field(default_factory=lambda: Series.empty(3))
+    attitude: Series = _EMPTY[3]
     """Roll, pitch, yaw of the vehicle."""
-    gimbal_vehicle: Series = field(default_factory=lambda: Series.empty(3))
-    gimbal_north: Series = field(default_factory=lambda: Series.empty(3))
+    gimbal_vehicle: Series = _EMPTY[3]
+    gimbal_north: Series = _EMPTY[3]
     """Roll, pitch, yaw of the camera, by the frame of their yaw."""
-    accuracy: Series = field(default_factory=lambda: Series.empty(1))
+    accuracy: Series = _EMPTY[1]
     """Horizontal position accuracy that the GNSS receiver states, m."""
-    vertical_accuracy: Series = field(default_factory=lambda: Series.empty(1))
-    receiver_height: Series = field(default_factory=lambda: Series.empty(1))
+    vertical_accuracy: Series = _EMPTY[1]
+    receiver_height: Series = _EMPTY[1]
     """The receiver's height above sea level, and its accuracy, m."""
 
 

@@ -104,6 +104,13 @@ def utm_epsg(latitude_deg: float, longitude_deg: float) -> int:
     return (32600 if latitude_deg >= 0.0 else 32700) + zone
 
 
+def east_north_up(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> FloatArray:
+    """(3, 3), or (3, 3, n) of places (n,): unit vectors in ECEF that point east, north and up."""
+    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
+    s, c, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    return np.array([[-sl, cl, 0.0 * s], [-s * cl, -s * sl, c], [c * cl, c * sl, s]])
+
+
 @dataclass(frozen=True)
 class LocalFrame:
     """An east-north-up frame, metres, tangent to the ellipsoid at its origin.
@@ -131,9 +138,7 @@ class LocalFrame:
 
     def rotation(self) -> FloatArray:
         """(3, 3) local-from-ECEF rotation; its rows are east, north and up."""
-        lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
-        s, c, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-        return np.array([[-sl, cl, 0.0], [-s * cl, -s * sl, c], [c * cl, c * sl, s]])
+        return east_north_up(self.latitude_deg, self.longitude_deg)
 
     def _origin(self) -> FloatArray:
         return np.asarray(geodetic_to_ecef(self.latitude_deg, self.longitude_deg, self.altitude_m)[0])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fieldkit.arrays import BoolArray, FloatArray
+from fieldkit.geometry.pose import Pose
 
 PARAMETER_NAMES: dict[str, tuple[str, ...]] = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -102,8 +103,13 @@ class Intrinsics:
         pixels[points[:, 2] <= 0] = np.nan
         return pixels
 
-    def sees(self, points: FloatArray) -> BoolArray:
-        """(n,) which camera-frame points (n, 3) fall into the picture, hidden or not."""
+    def sees(self, points: FloatArray, pose: Pose | None = None) -> BoolArray:
+        """(n,) which camera-frame points (n, 3) fall into the picture, hidden or not.
+
+        With a ``pose`` points in the world, and without the lens's distortion: beyond the picture it folds over.
+        """
+        if pose is not None:
+            return self.without_distortion().sees(pose.to_camera(points))
         pixels = self.project(points)
         with np.errstate(invalid="ignore"):
             return np.asarray(((pixels >= 0.0) & (pixels <= (self.width, self.height))).all(axis=1))

@@ -98,6 +98,13 @@ def cross_matrix(vector: ArrayLike) -> FloatArray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def nearest_rotation(matrix: FloatArray) -> FloatArray:
+    """The rotation that is nearest to a square matrix, by least squares."""
+    u, _, vt = np.linalg.svd(matrix)
+    signs = [*np.ones(len(u) - 1), np.linalg.det(u) * np.linalg.det(vt)]
+    return np.asarray(u @ np.diag(signs) @ vt)
+
+
 def rotation_about_z(angle: float) -> FloatArray:
     """(3, 3) rotation about the third axis, radians, anticlockwise seen from its tip."""
     cos, sin = np.cos(angle), np.sin(angle)

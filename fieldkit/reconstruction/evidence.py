@@ -176,7 +176,7 @@ def _supported(
         towards = pose.center - points
         distance = np.linalg.norm(towards, axis=1)
         ray = towards / np.maximum(distance, 1e-9)[:, None]
-        seen = camera.without_distortion().sees(pose.to_camera(points))
+        seen = camera.sees(points, pose)
         pixel = np.maximum(distance / camera.fx, FINEST_M)
         rays.append(ray)
         footprint.append(pixel)

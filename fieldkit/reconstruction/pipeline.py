@@ -546,8 +546,8 @@ def _shown(sparse: SparseResult, volume: Volume) -> bool:
     """Whether enough photographs for a depth have any of a volume in the picture."""
     steps = np.linspace(0.0, 1.0, 9)
     points = np.array(volume.lower) + volume.size * np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
-    cameras = ((sparse.intrinsics[name].without_distortion(), pose) for name, pose in sparse.poses.items())
-    return sum(bool(camera.sees(pose.to_camera(points)).any()) for camera, pose in cameras) >= _MIN_DENSE_VIEWS
+    shows = (sparse.intrinsics[name].sees(points, pose).any() for name, pose in sparse.poses.items())
+    return sum(map(bool, shows)) >= _MIN_DENSE_VIEWS
 
 
 def _no_plants(sparse: SparseResult, fused: int, volume: Volume, mask: Mask) -> ReconstructionError:

@@ -151,7 +151,7 @@ def volume_of_interest(points: FloatArray, poses: Mapping[str, Pose], intrinsics
         near = np.linalg.norm(points - np.array(region.center), axis=1) <= region.radius
         seen = np.zeros(len(points))
         for name, pose in poses.items():
-            seen += intrinsics[name].without_distortion().sees(pose.to_camera(points))
+            seen += intrinsics[name].sees(points, pose)
         shared = near & (seen >= _SHARED_BY * len(poses))
         chosen = points[shared] if shared.sum() >= _MIN_POINTS else points[near]
     if len(chosen) < _MIN_POINTS:

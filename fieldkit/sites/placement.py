@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.arrays import FloatArray
-from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
+from fieldkit.geometry.geodesy import LocalFrame, east_north_up, plot_from_enu
 from fieldkit.results.mission import Home, MissionOutline
 from fieldkit.results.plan import Plan, Plans, plan_on
 from fieldkit.routing.flights import Stop
@@ -176,12 +176,12 @@ class PlotFrame:
         latitude, longitude, _ = self.to_geodetic(points)
         angle = np.radians(np.atleast_1d(np.asarray(yaw_deg, dtype=np.float64)) + self.row_heading_deg - 90.0)
         forward = np.stack([np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=1) @ self.tangent.rotation()
-        east, north = _east_north(latitude, longitude)
+        east, north, _ = east_north_up(latitude, longitude).swapaxes(1, 2)
         return _compass(np.sum(forward * east, axis=1), np.sum(forward * north, axis=1))
 
     def yaws(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, heading_deg: ArrayLike) -> FloatArray:
         """(n,) yaws in the plot frame, in [0, 360), of true headings at places: the reverse of `headings`."""
-        east, north = _east_north(np.atleast_1d(latitude_deg), np.atleast_1d(longitude_deg))
+        east, north, _ = east_north_up(np.atleast_1d(latitude_deg), np.atleast_1d(longitude_deg)).swapaxes(1, 2)
         angle = np.radians(np.atleast_1d(np.asarray(heading_deg, dtype=np.float64)))[:, None]
         local = (np.sin(angle) * east + np.cos(angle) * north) @ self.tangent.rotation().T
         return _positive(_compass(local[:, 0], local[:, 1]) - self.row_heading_deg + 90.0)
@@ -265,13 +265,6 @@ def _altitude(home: Home) -> float:
 
 def _geo_points(geodetic: Geodetic) -> tuple[GeoPoint, ...]:
     return tuple(GeoPoint(float(a), float(b), float(c)) for a, b, c in zip(*geodetic, strict=True))
-
-
-def _east_north(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 3) unit vectors in ECEF that point east and north at places."""
-    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
-    s, c, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    return np.stack([-sl, cl, np.zeros_like(sl)], axis=1), np.stack([-s * cl, -s * sl, c], axis=1)
 
 
 def _compass(east: FloatArray, north: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.geometry import Pose
+from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.sites.fitted import Stretch
 
 PER_CAMERA = 5
@@ -61,10 +62,10 @@ class Cameras:
 
     def turned(self, middle: ArrayLike, turn_deg: float) -> Cameras:
         """Cameras turned counterclockwise, seen from above, about the vertical through ``middle`` (x, y, …)."""
-        c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         axis = np.asarray(middle, dtype=np.float64)[:2]
+        turn = rotation_about_z(np.radians(turn_deg))[:2, :2]
         positions = self.positions.copy()
-        positions[:, :2] = (positions[:, :2] - axis) @ np.array([[c, s], [-s, c]]) + axis
+        positions[:, :2] = (positions[:, :2] - axis) @ turn.T + axis
         return Cameras(positions, self.yaw_deg - turn_deg, self.pitch_deg)
 
     def stretched(self, stretch: Stretch) -> Cameras:

@@ -270,7 +270,7 @@ def _sight(cameras: Sequence[tuple[Intrinsics, Pose]], volume: Volume) -> tuple[
     edges = [np.linspace(0.5 / _GRID, 1.0 - 0.5 / _GRID, _GRID)] * 3
     unit = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
     points = np.array(volume.lower) + unit * volume.size
-    seen = np.array([camera.sees(pose.to_camera(points)) for camera, pose in cameras]).reshape(-1, len(points))
+    seen = np.array([camera.sees(points, pose) for camera, pose in cameras]).reshape(-1, len(points))
     offset = points - np.array([pose.center for _, pose in cameras]).reshape(-1, 1, 3)
     distance = np.maximum(np.linalg.norm(offset, axis=2), 1e-9)
     focal = np.array([camera.fx for camera, _ in cameras]).reshape(-1, 1)
@@ -291,7 +291,7 @@ def views_of(
         intrinsics: of the same photographs.
         most: how many at most.
     """
-    seen, _, scale = _sight([(intrinsics[name].without_distortion(), pose) for name, pose in poses.items()], volume)
+    seen, _, scale = _sight([(intrinsics[name], pose) for name, pose in poses.items()], volume)
     worth = np.where(seen, scale / scale.max(axis=0, initial=1e-9), 0.0)
     rays = np.array([volume.center - pose.center for pose in poses.values()]).reshape(-1, 3)
     rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-9)

@@ -19,7 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from fieldkit.arrays import BoolArray, FloatArray
-from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.pose import nearest_rotation, rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior, Priors
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
@@ -96,8 +96,7 @@ def looking_alike(found: Mapping[str, PosePrior], priors: Priors, unknown: Seque
     alike = {n: rotation_angle_deg(mount, best) <= _ALIKE_DEG for n, mount in zip(found, mounts, strict=True)}
     if sum(alike.values()) < max(LEAST_POSITIONS, _MOST_ALIKE * len(found)):
         return {}
-    u, _, vt = np.linalg.svd(mounts[list(alike.values())].sum(axis=0))
-    mount = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    mount = nearest_rotation(mounts[list(alike.values())].sum(axis=0))
     return {name: _found(priors.by_name[name], mount @ frames[name]) for name in unknown if not alike.get(name)}
 
 
@@ -229,11 +228,9 @@ def _align(rotations: Mapping[int, FloatArray], edges: Sequence[_Edge], seed: in
 
 def _wahba(inside: FloatArray, world: FloatArray, weights: FloatArray) -> FloatArray | None:
     """The rotation that best turns ``inside`` (n, 3) into ``world`` (n, 3); None when the directions are parallel."""
-    u, singular, vt = np.linalg.svd((world * weights[:, None]).T @ inside)
-    if singular[1] < 0.02 * singular[0]:
-        return None
-    rotation: FloatArray = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
-    return rotation
+    correlation = (world * weights[:, None]).T @ inside
+    singular = np.linalg.svd(correlation, compute_uv=False)
+    return None if singular[1] < 0.02 * singular[0] else nearest_rotation(correlation)
 
 
 def _agree(edges: Sequence[_Edge], found: Mapping[int, FloatArray]) -> BoolArray:

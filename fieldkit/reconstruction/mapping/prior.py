@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from fieldkit.arrays import FloatArray, IntArray
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.pose import nearest_rotation, rotation_angle_deg
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.colmap_model import (
@@ -398,8 +398,7 @@ def _common_turn(poses: Sequence[Pose], priors: Sequence[PosePrior]) -> FloatArr
     turns = np.array([pose.rotation.T @ prior.pose.rotation for pose, prior in zip(poses, priors, strict=True)])
     kept = np.ones(len(turns), dtype=np.bool_)
     for _ in range(3):
-        u, _, vt = np.linalg.svd(turns[kept].sum(axis=0))
-        mean: FloatArray = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
+        mean = nearest_rotation(turns[kept].sum(axis=0))
         away = np.array([rotation_angle_deg(turn, mean) for turn in turns])
         kept = away <= 2.0 * np.median(away)
     return mean
@@ -436,10 +435,7 @@ def _overlapping(problem: PriorProblem, model: pycolmap.Reconstruction, pairs: S
     if len(points) < _POINTS_FOR_SLAB:
         return list(pairs)
     poses, cameras = problem.state(model)
-    seen = [
-        cameras[k].without_distortion().sees(pose.to_camera(points))
-        for pose, k in zip(poses, problem.camera_of, strict=True)
-    ]
+    seen = [cameras[k].sees(points, pose) for pose, k in zip(poses, problem.camera_of, strict=True)]
     shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in pairs}
     return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
 
