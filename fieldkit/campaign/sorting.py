@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from fieldkit.arrays import FloatArray
 from fieldkit.campaign.reading import CampaignPlot
-from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
+from fieldkit.captures.heights import accuracy_m
 from fieldkit.captures.model import Photo
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.reconstruction.guided import region_of_interest
@@ -390,9 +390,7 @@ def tag_accuracy_m(photo: Photo) -> float:
     """Standard deviation of a geotagged photograph's horizontal position."""
     tag = photo.geotag
     assert tag is not None
-    if tag.horizontal_accuracy_m is not None:
-        return max(tag.horizontal_accuracy_m, RTK_ACCURACY_M)
-    return RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
+    return accuracy_m(tag, tag.horizontal_accuracy_m)
 
 
 def _polygon(plot: CampaignPlot, frame: LocalFrame) -> shapely.Polygon:

@@ -46,13 +46,6 @@ class CameraEntry:
         """Whether a photograph of that name is this camera's."""
         return not self.images or any(fnmatchcase(name, glob) for glob in self.images)
 
-    def at_size(self, width: int, height: int) -> Intrinsics | None:
-        """The calibration at another size of the same aspect ratio (to a pixel), or None for another ratio."""
-        own = self.intrinsics
-        if abs(own.width * height - own.height * width) > max(own.width, own.height, width, height):
-            return None
-        return own if (own.width, own.height) == (width, height) else own.scaled(width, height)
-
 
 class _Camera(Strict):
     """One camera as a file has it."""

@@ -64,7 +64,7 @@ def _choose_entry(photo: Photo, entries: Sequence[CameraEntry], path: Path | Non
         if (entries[i].intrinsics.width, entries[i].intrinsics.height) == (photo.width, photo.height):
             return i
     for i in candidates:
-        if entries[i].at_size(photo.width, photo.height) is not None:
+        if entries[i].intrinsics.at_size(photo.width, photo.height) is not None:
             return i
     own = entries[candidates[0]].intrinsics
     raise MetadataError(
@@ -87,7 +87,7 @@ def _make_group(
     key = " ".join(part for part in parts if part) + ("" if index is None else f" camera {index + 1}")
     if entry is not None and path is not None:
         findings: list[Finding] = []
-        intrinsics = entry.at_size(first.width, first.height)
+        intrinsics = entry.intrinsics.at_size(first.width, first.height)
         own = entry.intrinsics
         if intrinsics is not own:
             message = f"the calibration for {own.width}×{own.height} is scaled to {first.width}×{first.height}"

@@ -35,7 +35,7 @@ from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError, about
 from fieldkit.results.finding import Finding
 from fieldkit.vocabulary import DRAWN_BY
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 MAX_PIXELS = 150_000_000
 """More than any single camera frame that flies today (100 Mpx), and 450 MB once decoded to RGB."""
@@ -165,8 +165,7 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     inner = [] if left_out else folders_of_photographs(folder)
     if inner:
         return CaptureError(
-            f"there are no photographs directly in this folder, only in {', '.join(inner[:5])}"
-            + (f" and {count(len(inner) - 5, 'more folder')}" if len(inner) > 5 else ""),
+            f"there are no photographs directly in this folder, only in {listed(inner)}",
             path=folder,
             remedy="Give one of these folders, or put the photographs of one capture into one folder.",
         )
@@ -338,7 +337,7 @@ def _program_cameras(photos: list[Photo], program: ProgramPoses | None) -> tuple
 
 def _fits(entry: CameraEntry, photos: list[Photo]) -> bool:
     """Whether a calibration can be that of all photographs that it names."""
-    return all(entry.at_size(photo.width, photo.height) for photo in photos if entry.covers(photo.name))
+    return all(entry.intrinsics.at_size(photo.width, photo.height) for photo in photos if entry.covers(photo.name))
 
 
 def _priors(photos: Sequence[Photo], parts: Sequence[Part], program: ProgramPoses | None) -> PriorSet:

@@ -22,7 +22,19 @@ CONTROL_POINTS = ("gcp_list.txt", "gcp.txt")
 """ODM's files of ground control points, which are not read."""
 
 _FORMAT_SUFFIXES = {"JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"}, "PNG": {".png"}, "TIFF": {".tif", ".tiff"}}
-_OTHER_IMAGES = {"HEIC", "AVIF", "WebP", "GIF", "BMP", "JPEG 2000", "JPEG XL"}
+_BEGINNINGS = {
+    "JPEG": rb"\xff\xd8\xff",
+    "PNG": rb"\x89PNG\r\n\x1a\n",
+    "TIFF": rb"II[*+]\0|MM\0[*+]",
+    "AVIF": rb"....ftypavi[fs]",
+    "HEIC": rb"....ftyp(hei[cxms]|hev[cx]|mif1|msf1)",
+    "WebP": rb"RIFF....WEBP",
+    "GIF": rb"GIF8[79]a",
+    "BMP": rb"BM....\0{4}",
+    "JPEG 2000": rb"\0\0\0\x0cjP  ",
+    "JPEG XL": rb"\xff\x0a|\0\0\0\x0cJXL ",
+}
+"""Of files, by the format that they announce."""
 _MASK = re.compile(r"(^|[._-])mask\.[a-z]+$", re.IGNORECASE)
 _THUMBNAIL_SUFFIXES = frozenset({".thm"})
 _HEAD_BYTES = 64
@@ -72,26 +84,7 @@ def natural_key(name: str) -> tuple[tuple[int, int | str], ...]:
 
 def sniff_format(head: bytes) -> str | None:
     """The image format that a file's first bytes (64 or more) announce, or None."""
-    if head.startswith(b"\xff\xd8\xff"):
-        return "JPEG"
-    if head.startswith(b"\x89PNG\r\n\x1a\n"):
-        return "PNG"
-    if head[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
-        return "TIFF"
-    if head[4:8] == b"ftyp":
-        brand = head[8:12]
-        if brand in (b"avif", b"avis"):
-            return "AVIF"
-        return "HEIC" if brand in (b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", b"mif1", b"msf1") else None
-    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
-        return "WebP"
-    if head[:6] in (b"GIF87a", b"GIF89a"):
-        return "GIF"
-    if head[:2] == b"BM" and head[6:10] == b"\0\0\0\0":
-        return "BMP"
-    if head.startswith(b"\0\0\0\x0cjP  "):
-        return "JPEG 2000"
-    return "JPEG XL" if head.startswith((b"\xff\x0a", b"\0\0\0\x0cJXL ")) else None
+    return next((kind for kind, begin in _BEGINNINGS.items() if re.match(begin, head, re.DOTALL)), None)
 
 
 def is_mask_name(name: str) -> bool:
@@ -274,7 +267,7 @@ def _classify(path: Path, root: Path) -> Candidate | Finding | None:
     kind = sniff_format(head)
     if kind in _FORMAT_SUFFIXES:
         return Candidate(path, name, str(kind))
-    if kind in _OTHER_IMAGES:
+    if kind is not None:
         return Finding(name, "unsupported-format", f"{kind} is not read; convert it to JPEG", True)
     if named_like_one:
         return Finding(name, "not-an-image", "the content is neither JPEG, PNG nor TIFF", True)

@@ -78,10 +78,13 @@ def choose_heights(tags: Mapping[str, GeoTag]) -> Heights:
 
 def vertical_accuracy_m(tag: GeoTag) -> float:
     """What an absolute altitude is good to; a stated accuracy of the position counts for its height, too."""
-    stated = tag.horizontal_accuracy_m if tag.vertical_accuracy_m is None else tag.vertical_accuracy_m
-    if stated is not None:
-        return max(stated, RTK_ACCURACY_M)
-    return RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
+    return accuracy_m(tag, tag.vertical_accuracy_m, tag.horizontal_accuracy_m)
+
+
+def accuracy_m(tag: GeoTag, *stated: float | None) -> float:
+    """What the first of some accuracies says that is stated; else what such a receiver is good to."""
+    known = next((each for each in stated if each is not None), 0.0 if tag.rtk else GPS_ACCURACY_M)
+    return max(known, RTK_ACCURACY_M)
 
 
 def _believed(tag: GeoTag) -> bool:

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fieldkit.captures.camera_file import CameraEntry
 from fieldkit.documents.csv_text import finite_numbers
 from fieldkit.geometry import Intrinsics
 
@@ -47,10 +46,10 @@ def calibration_of(fields: Mapping[str, str], width: int, height: int) -> Intrin
         return None
     centre = whole[0] / 2 + dx, whole[1] / 2 + dy
     if flag == "1":
-        return CameraEntry(Intrinsics("PINHOLE", *whole, (fx, fy, *centre))).at_size(width, height)
+        return Intrinsics("PINHOLE", *whole, (fx, fy, *centre)).at_size(width, height)
     k1, k2, p1, p2, k3 = bend
     k1, k2 = _without_k3(k1, k2, k3, float(np.hypot(*whole)) / (fx + fy))
-    return CameraEntry(Intrinsics("OPENCV", *whole, (fx, fy, *centre, k1, k2, p1, p2))).at_size(width, height)
+    return Intrinsics("OPENCV", *whole, (fx, fy, *centre, k1, k2, p1, p2)).at_size(width, height)
 
 
 def _without_k3(k1: float, k2: float, k3: float, corner: float) -> tuple[float, float]:

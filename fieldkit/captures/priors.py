@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from fieldkit.arrays import FloatArray
 from fieldkit.captures.crs import frame_about
 from fieldkit.captures.geo_txt import GeoRow
-from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
+from fieldkit.captures.heights import accuracy_m, choose_heights
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.poses_csv import PoseRow
 from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, ProgramPoses
@@ -264,10 +264,7 @@ def _all_zero(angles: Sequence[Angles]) -> bool:
 
 def _accuracy(tag: GeoTag, height_m: float) -> float:
     """One standard deviation of a position whose height is good to ``height_m``."""
-    stated = tag.vertical_accuracy_m if tag.horizontal_accuracy_m is None else tag.horizontal_accuracy_m
-    if stated is None:
-        stated = RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
-    return max(stated, height_m, RTK_ACCURACY_M)
+    return max(accuracy_m(tag, tag.horizontal_accuracy_m, tag.vertical_accuracy_m), height_m)
 
 
 def _far_away(tags: dict[str, GeoTag]) -> tuple[set[str], list[Finding]]:

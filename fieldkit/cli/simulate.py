@@ -199,12 +199,13 @@ def command(
 
 
 def _at_size(camera: Intrinsics, width: int, height: int) -> Intrinsics:
-    if abs(camera.width * height - camera.height * width) > max(camera.width, camera.height, width, height):
+    found = camera.at_size(width, height)
+    if found is None:
         raise UsageError(
             f"--size: {width}×{height} has another shape than the camera's {camera.width}×{camera.height}",
             remedy="Keep the ratio, or set the camera in the scene file.",
         )
-    return camera.scaled(width, height)
+    return found
 
 
 def _size(text: str) -> tuple[int, int]:

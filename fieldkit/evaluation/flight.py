@@ -67,7 +67,7 @@ from fieldkit.sites.plots_file import drawn_outline, read_plots
 from fieldkit.sites.site import SitePlot
 from fieldkit.sites.vector_files import Ring
 from fieldkit.vocabulary import LEAST_POSITIONS
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 DrawnPlot = tuple[SitePlot, Ring | None]
 """A plot and its polygon (latitude, longitude), or None."""
@@ -275,8 +275,7 @@ def _check_plots(path: Path, plots: Sequence[DrawnPlot], capture: Capture) -> No
     bare = [plot.name for plot, _ in plots if plot.name not in rings]
     if bare:
         raise MetadataError(
-            f"{bare[0]} is a point without length_m and width_m"
-            + (f", and so are {len(bare) - 1} more" if len(bare) > 1 else ""),
+            f"points without length_m and width_m: {listed(bare)}",
             path=path,
             remedy="Draw plots as polygons, or give both.",
         )

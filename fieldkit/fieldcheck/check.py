@@ -131,11 +131,10 @@ def plot_of(site: Site, name: str | None, folder: str = "") -> SitePlot:
         return found
     if name is not None or len(site.plots) == 1:
         return site.plots[0] if name is None else named_plots(site, [name])[0]
-    known = ", ".join(plot.name for plot in site.plots[:5]) + (" …" if len(site.plots) > 5 else "")
     raise UsageError(
         f"the site has {len(site.plots)} plots"
         + (f" and none is called {folder!r}, as the folder is" if folder else ""),
-        remedy=f"Name the plot with --plot: {known}.",
+        remedy=f"Name the plot with --plot: {listed([plot.name for plot in site.plots])}.",
     )
 
 

@@ -94,6 +94,12 @@ class Intrinsics:
         params = tuple(v * factor.get(n, 1.0) for n, v in zip(names, self.params, strict=True))
         return replace(self, width=width, height=height, params=params)
 
+    def at_size(self, width: int, height: int) -> Intrinsics | None:
+        """As `scaled`, to another size of the same aspect ratio (to a pixel), or None for another ratio."""
+        if abs(self.width * height - self.height * width) > max(self.width, self.height, width, height):
+            return None
+        return self if (self.width, self.height) == (width, height) else self.scaled(width, height)
+
     def project(self, points: FloatArray) -> FloatArray:
         """Camera-frame points (n, 3) to pixels (n, 2); points at z ≤ 0 give NaN."""
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -188,7 +188,7 @@ def route_plan(
         flights=routed,
         moved=report.moved,
         lowest_m=float(heights.min()),
-        plants_m=report.canopy.nearest_m([_whole_way(flight) for flight in flights]),
+        plants_m=report.canopy.nearest_m([whole_way(flight) for flight in flights]),
         plants_of={
             plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(plants.points))
             for plot, plants in on_plots
@@ -239,7 +239,7 @@ def mission_over(
     )
 
 
-def _whole_way(flight: Flight) -> FloatArray:
+def whole_way(flight: Flight) -> FloatArray:
     """(k, 3) places from the take-off's ground to the landing's, site frame."""
     places = np.concatenate([leg.points for leg in flight.legs])
     return np.vstack([places[:1] * (1.0, 1.0, 0.0), places, places[-1:] * (1.0, 1.0, 0.0)])

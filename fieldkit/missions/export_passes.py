@@ -13,7 +13,7 @@ from fieldkit.arrays import FloatArray
 from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots.execution import Execution
 from fieldkit.missions.coverage import coverage
-from fieldkit.missions.export import Routed, RoutedFlight, mission_over, with_less
+from fieldkit.missions.export import Routed, RoutedFlight, mission_over, whole_way, with_less
 from fieldkit.results.finding import Finding, Refused, Severity
 from fieldkit.results.mission import GeoPoint, Home, MissionPasses, Passing, Shot, Via
 from fieldkit.results.pattern import Pattern
@@ -129,7 +129,7 @@ def route_passes(
     if over > 1.0:
         findings.append(_finding("battery", "one line takes more than a battery"))
     ways = [np.array(each.flight.legs[0].points) for each in routed]
-    findings += [finding for way in ways for finding in _met(way, obstacles)]
+    findings += [finding for each in routed for finding in _met(whole_way(each.flight), obstacles)]
     _require(findings)
     known = {plot.name: plants_on(None, plot) for plot in site.all_plots}
     return Routed(
@@ -279,9 +279,8 @@ def _numbers(place: GeoPoint) -> tuple[float, float, float]:
     return round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4)
 
 
-def _met(way: FloatArray, obstacles: Obstacles) -> list[Finding]:
+def _met(whole: FloatArray, obstacles: Obstacles) -> list[Finding]:
     """What a flight meets, from the ground to the ground."""
-    whole = np.vstack([way[:1] * (1.0, 1.0, 0.0), way, way[-1:] * (1.0, 1.0, 0.0)])
     findings = []
     for k in np.flatnonzero(obstacles.blocked(whole[:-1], whole[1:])).tolist():
         for problem in obstacles.leg_problems(whole[k], whole[k + 1])[:1]:

@@ -124,8 +124,9 @@ def grounds_under(
     if bare is None:
         return known
     before = [bare.under(corners) for corners in outlines]
+    # (1, 3) the plane's point at the middle of an outline.
     off_m = [
-        float(ground[0].heights(_middle_of(corners, earlier[0]))[0])
+        float(ground[0].heights(earlier[0].above(corners[:, :2].mean(axis=0, keepdims=True)))[0])
         for corners, ground, earlier in zip(outlines, known, before, strict=True)
         if ground is not None and earlier is not None and ground[1] <= _WELL_KNOWN_M
     ]
@@ -140,11 +141,6 @@ def grounds_under(
         better = ground is not None and (earlier is None or ground[1] <= earlier[1])
         settled.append(ground if better else earlier)
     return settled
-
-
-def _middle_of(corners: FloatArray, plane: Plane) -> FloatArray:
-    """(1, 3) the plane's point at the middle of an outline."""
-    return plane.above(corners[:, :2].mean(axis=0, keepdims=True))
 
 
 def _design(points: FloatArray) -> FloatArray:

@@ -74,7 +74,7 @@ from fieldkit.results.frame import Plane
 from fieldkit.runtime.context import Context
 from fieldkit.runtime.memory import MemoryBudget
 from fieldkit.vocabulary import Mask
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 _MIN_DENSE_VIEWS = 2
 """Least number of views for dense stereo."""
@@ -522,9 +522,8 @@ def _require_masks(capture: Capture) -> None:
     """Before hours of work and not after them."""
     missing = [photo.name for photo in capture.photos if find_mask(photo.path) is None]
     if missing:
-        others = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise MetadataError(
-            f"there is no mask image for {missing[0]}{others}",
+            f"there is no mask image for {listed(missing)}",
             path=capture.folder,
             remedy="Put NAME_mask.png beside every photograph or in masks/, or choose --mask exg.",
         )

@@ -9,7 +9,7 @@ from typing import Any
 
 from fieldkit.cache import digest
 from fieldkit.sites.vector_files import Feature
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 ID_FIELDS = ("plot_id", "id", "name", "fid")
 """Looked for in this order, whatever their case."""
@@ -121,5 +121,4 @@ def _problem(ids: Sequence[Any], features: Sequence[Feature], name: str) -> str:
 
 
 def _list(names: Sequence[str]) -> str:
-    shown = [name[:40] for name in names[:_MOST_FIELDS]]
-    return ", ".join(shown) + (f" and {len(names) - _MOST_FIELDS} more" if len(names) > _MOST_FIELDS else "")
+    return listed([name[:40] for name in names], _MOST_FIELDS)

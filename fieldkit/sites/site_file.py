@@ -25,6 +25,7 @@ from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.plots_file import PLOTS_REMEDY, load_plots, read_plots
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.vector_files import read_wgs84, wgs84_features
+from fieldkit.wording import listed
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
@@ -147,9 +148,9 @@ def named_plots(site: Site, names: Sequence[str]) -> tuple[SitePlot, ...]:
     if not names:
         raise UsageError("no plot is named", remedy="Name one or more of the site's plots.")
     if wrong := [name for name in dict.fromkeys(names) if name not in known]:
-        some = ", ".join(known[:5]) + (" …" if len(known) > 5 else "")
         near = list(dict.fromkeys(name for name in (nearest(each, known) for each in wrong) if name))
-        remedy = f"Its plots are {some}." if not near else f"Is {' or '.join(near)} meant? Its plots are {some}."
+        meant = f"Is {' or '.join(near)} meant? " if near else ""
+        remedy = f"{meant}Its plots are {listed(known)}."
         raise UsageError(f"the site has no plot {' or '.join(wrong[:5])}", remedy=remedy)
     return tuple(plot for plot in site.plots if plot.name in names)
 

@@ -82,7 +82,7 @@ def test_plots_of_a_file_of_their_own(call, capsys, tmp_path) -> None:
     assert main([*call, *site]) == 3
     assert "--plots takes such a file" in capsys.readouterr().err
     assert main([*call, *site, *plots, "--plot", "r9c9"]) == 2
-    assert "Its plots are r1c1, r1c2" in capsys.readouterr().err
+    assert "Its plots are r1c1 and r1c2" in capsys.readouterr().err
     again = ["--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan"), "--adjust", "--plant-height", "0.3"]
     assert main([*call, *site, *plots, "--plot", "r1c2", *again]) == 0
     assert 'ids from "name"' in capsys.readouterr().err

@@ -143,7 +143,7 @@ def test_masks_from_files_that_are_not_there(line: CommandLine, photographs: Pho
     for path in sorted(folder.glob("*.jpg"))[2:]:
         write_mask(folder / "masks" / f"{path.stem}.png", path)
     done = line.run("reference", "photos", "-o", "out", "--mask", "file", "--json", code=3)
-    assert "no mask image for IMG_0001.jpg and 1 more" in done.error["message"]
+    assert "no mask image for IMG_0001.jpg and IMG_0002.jpg" in done.error["message"]
     assert "--mask exg" in done.error["remedy"]
     assert line.entries() == 0
     assert not (line.folder / "out").exists()

@@ -140,7 +140,7 @@ def test_points_need_a_size_and_photographs_a_place(line: CommandLine, flight: P
     feature = {"type": "Feature", "properties": {"id": "A", "row_heading_deg": 0.0}, "geometry": point}
     (tmp_path / "points.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}), "utf-8")
     done = line.run("evaluate", DATE, "--plots", "points.geojson", "-o", "scores", "--json", code=3)
-    assert "A is a point without length_m and width_m" in done.error["message"]
+    assert "points without length_m and width_m: A" in done.error["message"]
     drawn(tmp_path / "plots.geojson", WEST)
     for file in flight.glob("*/geo.txt"):
         file.unlink()

@@ -16,7 +16,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 
 
 def test_masks_that_are_not_there_are_told_before_hours_of_work() -> None:
-    with pytest.raises(MetadataError, match="and 7 more") as raised:
+    with pytest.raises(MetadataError, match="and 4 more") as raised:
         reconstruct(read_capture(SMALL_PLOT), ReconstructionSettings(mask="file"), Context())
     assert "NAME_mask.png" in raised.value.remedy
 

@@ -137,7 +137,9 @@ def _of_photographs(
         if (sizes[name][0] - sizes[name][1]) * (camera.intrinsics.width - camera.intrinsics.height) < 0
     }
     cameras = tuple(camera for camera in found.cameras if not turned & set(camera.images))
-    unfit = [camera for camera in cameras if any(camera.at_size(*sizes[name]) is None for name in camera.images)]
+    unfit = [
+        camera for camera in cameras if any(camera.intrinsics.at_size(*sizes[name]) is None for name in camera.images)
+    ]
     if unfit and len(unfit) == len(found.cameras):
         theirs, name = unfit[0].intrinsics, unfit[0].images[0]
         message = (

@@ -118,17 +118,13 @@ def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
     """One row per finding; files with the same finding share it, up to ``most_names`` by name."""
     groups = by_key(((f.code, f.message, f.left_out), f.subject) for f in findings)
 
-    def told(names: list[str]) -> str:
-        more = f" and {len(names) - most_names} more" if len(names) > most_names else ""
-        return f"{', '.join(names[:most_names])}{more}"
-
     return tabulated(
         "Findings",
         [
             {
                 "finding": code,
                 "files>": f"{len(names):,}",
-                "what was found": f"{told(names)}: {'left out: ' if left_out else ''}{message}",
+                "what was found": f"{listed(names, most_names + 1)}: {'left out: ' if left_out else ''}{message}",
             }
             for (code, message, left_out), names in groups.items()
         ],

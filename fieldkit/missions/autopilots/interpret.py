@@ -174,7 +174,11 @@ class _Nav:
 def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
     """An ArduPilot: NAV items in turn, each with the queue of items that stand before it."""
     state, queued = begun(craft), 0
-    navs = [k for k, (_, item) in enumerate(numbered) if _is_nav(item) and refusal(item, "ardupilot") is None]
+    navs = [
+        k
+        for k, (_, item) in enumerate(numbered)
+        if (item.command <= _LAST_NAV or item.command in _OTHER_NAV) and refusal(item, "ardupilot") is None
+    ]
     for at, after in zip(navs, (*navs[1:], None), strict=False):
         number, item = numbered[at]
         queue, queued = numbered[queued:at], at + 1
@@ -278,10 +282,6 @@ def _go(craft: Craft, log: _Log, state: State, number: int, go: Go) -> State:
         waypoint=number,
         passing=go.dwell_s <= 0.0 and go.how != "takeoff",
     )
-
-
-def _is_nav(item: MissionItem) -> bool:
-    return item.command <= _LAST_NAV or item.command in _OTHER_NAV
 
 
 def _fly_stops(log: _Log, read: ReadMission, vehicle: Vehicle) -> State:

@@ -76,7 +76,17 @@ def _read(data: bytes) -> ReadMission:
     config = Element("missionConfig") if config is None else config
     template = _template(data)
     position = config.findtext("payloadInfo/payloadPositionIndex") or "0"
-    reader = _Reader(_set_pitches(template), _stored_lenses(template), position)
+    # By template.
+    reader = _Reader(
+        _set_pitches(template),
+        (
+            {
+                folder.findtext("templateId", "0"): folder.findtext("payloadParam/imageFormat", "")
+                for folder in template.iter("Folder")
+            }
+        ),
+        position,
+    )
     for folder in folders:
         reader.read_folder(folder)
     return ReadMission(
@@ -134,14 +144,6 @@ def _template(data: bytes) -> Element:
         return parse_local(_member(data, TEMPLATE) or b"")
     except (XmlError, MetadataError):  # the waylines count
         return Element("kml")
-
-
-def _stored_lenses(root: Element) -> dict[str, str]:
-    """By template."""
-    return {
-        folder.findtext("templateId", "0"): folder.findtext("payloadParam/imageFormat", "")
-        for folder in root.iter("Folder")
-    }
 
 
 def _set_pitches(root: Element) -> dict[tuple[str, str], float | None]:

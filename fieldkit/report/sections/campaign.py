@@ -36,7 +36,6 @@ _MOST_LINES = 200
 """Most plots of a chart."""
 _MOST_NAMED = 5
 """Most plots of a chart in which each has a colour."""
-_NAMED = 5  # problems named one by one
 
 
 def campaign_section(result: Loaded[Campaign], anchor: str, _: Shown) -> Section:
@@ -155,5 +154,5 @@ def campaign_statements(result: Loaded[Campaign], results: Results) -> Iterator[
 
 def _alike(found: Iterable[tuple[str, Visit]]) -> Iterator[tuple[str, str]]:
     """Each reason once, with the visits that it is of."""
-    for why, visits in by_key((why, f"{visit.plot}, {visit.date}") for why, visit in found).items():
-        yield why, "; ".join(visits[:_NAMED]) + (f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else "")
+    for why, visits in by_key((why, f"{visit.plot} {visit.date}") for why, visit in found).items():
+        yield why, listed(visits)

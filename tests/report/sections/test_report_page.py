@@ -176,7 +176,7 @@ class TestSummary:
         texts = " ".join(s.text + s.advice for s in summarise(read_results(season)))
         assert "no photograph at station 6 and station plot 7" in texts
         assert "No result of empty: no photographs in it." in texts
-        assert "No result of maize-8, 2026-06-30; maize-8, 2026-07-14: the photographs fell apart" in texts
+        assert "No result of maize-8 2026-06-30 and maize-8 2026-07-14: the photographs fell apart" in texts
 
     def test_charts_join_only_what_is_of_one_plot(self) -> None:
         grown = {"a": (1, 2, 3), "b": (1, None, 3), "c": (None, 9, None)}
