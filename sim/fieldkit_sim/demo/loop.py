@@ -47,8 +47,10 @@ _LENGTH_M = 2.0
 """Of their rows: short, for the same reason."""
 _SMALLER = 2
 """How many times smaller photographs are than the vehicle's, along a side: a quarter of the time."""
-_GRID_M = 8.0
-"""Height of the app's grid above the ground, metres: lower ones apps hardly fly."""
+_MINUTES = 2.0
+"""In the air, that the plan is asked for: some patterns take less."""
+_GRIDS_M = (6.0, 20.0, 0.5)
+"""Lowest and highest height of an app's grid above the ground, and the step between those that are tried, metres."""
 _OVERLAP = 0.8
 """Its overlap along and between lines, as apps advise for plants."""
 _FROM_HOME_M = 4.0
@@ -86,10 +88,10 @@ def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo
     noise = flight_noise(vehicle)
     with atomic_folder(output, overwrite=overwrite, marker=BLOCK) as folder:
         truth = write_trial(folder / BLOCK, scene, progress=progress)
-        lines, minutes = _grid(scene, vehicle)
         with progress.stage("Plan and mission"):
-            asked = TrialSettings(trial=folder / BLOCK / PLOTS_FILE, stage=STAGE, minutes=minutes)
+            asked = TrialSettings(trial=folder / BLOCK / PLOTS_FILE, stage=STAGE, minutes=_MINUTES)
             plan = plan_trial(folder / "plan", asked, VEHICLE)
+            lines, minutes = _grid(scene, vehicle, plan.chosen.minutes)
             mission = _mission(folder, scene, truth, context)
         pattern = plan.chosen.worth.pattern
         poses = {"planned": pattern_over(pattern, scene), "grid": [pose for line in lines for pose in line.poses]}
@@ -150,12 +152,20 @@ def _flown(
     return DemoFlight(name=name, minutes=minutes, photographs=images, errors=errors, held=held, known=known)
 
 
-def _grid(scene: SceneDescription, vehicle: Vehicle) -> tuple[list[Line], float]:
-    """The lines of an app's grid over a block, and its minutes in the air at the greatest speed without blur."""
-    passes = Passes(_GRID_M, -90.0, (0.0,), _OVERLAP, _OVERLAP)
+def _grid(scene: SceneDescription, vehicle: Vehicle, minutes: float) -> tuple[list[Line], float]:
+    """The lines of the lowest of an app's grids over a block that takes no more minutes in the air, and its own.
+
+    It is flown at the greatest speed without blur.
+    """
     space = PatternSpace(vehicle, shipped_patterns(STAGE, 0.0, vehicle).plants_m)
-    lines = passes.lines(scene.bounds.lower_m, scene.bounds.upper_m, vehicle.camera)
-    return lines, pass_time(lines, vehicle, space.flyable(passes.pattern(vehicle.camera)).speed_mps) / 60.0
+    for height_m in np.arange(*_GRIDS_M).tolist():
+        passes = Passes(height_m, -90.0, (0.0,), _OVERLAP, _OVERLAP)
+        lines = passes.lines(scene.bounds.lower_m, scene.bounds.upper_m, vehicle.camera)
+        speed_mps = space.flyable(passes.pattern(vehicle.camera)).speed_mps
+        taken = pass_time(lines, vehicle, speed_mps) / 60.0
+        if taken <= minutes:
+            break
+    return lines, taken
 
 
 def _mission(folder: Path, scene: SceneDescription, truth: Sequence[PlotTruth], context: Context) -> ExportedMission:
