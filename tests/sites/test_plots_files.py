@@ -196,7 +196,7 @@ def test_ids(tmp_path: Path, rows: list[dict[str, Any]], field: str | None, said
             'feature 2: is called "1", as feature 1 is',
             "--plot-id name",
         ),
-        ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "plot", 'no plot has a field "plot"', "name, rep"),
+        ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "plot", 'no plot has a field "plot"', "name and rep"),
     ],
 )
 def test_ids_that_are_none(tmp_path, rows, field, problem, remedy) -> None:
