@@ -70,6 +70,16 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         # pyrender takes them from a set, so surfaces that touch would be drawn in another order in every process.
         return sorted(scene.mesh_nodes, key=lambda node: node.name)
 
+    def _update_context(self, scene: Any, flags: int) -> None:
+        super()._update_context(scene, flags)
+        for texture in self._mesh_textures:
+            texture.source = None  # pyrender's copy
+
+    def _configure_forward_pass_viewport(self, flags: int) -> None:
+        super()._configure_forward_pass_viewport(flags)
+        if not self._samples:  # no need for buffers of many samples, and none to copy
+            GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
+
     def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
         if self._output == "depth":
             program = self._program_cache.get_program("depth.vert", "depth.frag")
@@ -84,14 +94,14 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
 
     def _configure_main_framebuffer(self) -> None:
         super()._configure_main_framebuffer()
-        wanted = (self.viewport_width, self.viewport_height, self._samples)
+        wanted = self._allocated or (1, 1, 0)
+        if self._samples:
+            wanted = self.viewport_width, self.viewport_height, self._samples
         if self._allocated == wanted:
             return
         for buffer, layout in ((self._main_cb_ms, GL.GL_RGBA), (self._main_db_ms, GL.GL_DEPTH_COMPONENT24)):
             GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
-            GL.glRenderbufferStorageMultisample(
-                GL.GL_RENDERBUFFER, self._samples, layout, self.viewport_width, self.viewport_height
-            )
+            GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, wanted[2], layout, *wanted[:2])
         self._allocated = wanted
 
     def _delete_main_framebuffer(self) -> None:
@@ -113,9 +123,10 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
     def _resolve(self, bit: int) -> tuple[int, int]:
         """Copy what was drawn to where it can be read; its width and height."""
         width, height = self._main_fb_dims
-        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
-        GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
-        GL.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, bit, GL.GL_NEAREST)
+        if self._samples:
+            GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
+            GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
+            GL.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, bit, GL.GL_NEAREST)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         return width, height

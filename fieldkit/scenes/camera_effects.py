@@ -8,7 +8,7 @@ the grain that a camera's processing leaves of the sensor's noise. The renderer'
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Annotated
 
 import cv2
@@ -31,6 +31,10 @@ _DRIFT_M_S = 0.15
 _TURN_DEG_S = 2.0
 """Standard deviation about each of its axes of the camera's rate of turn while it exposes, degrees a second."""
 
+_LINEAR = (np.arange(256, dtype=np.float32) / np.float32(255.0)) ** 2
+"""Light of each grey level."""
+_BAND_PX = 128
+"""Rows of a photograph that are worked on at a time, so that they stay in the processor's cache."""
 _STEPS = 1 << 16
 """Number of quantiles in the table of normal deviates."""
 
@@ -103,31 +107,40 @@ def photographed(
     balance = 1.0 + rng.normal(size=2) * effects.white_balance
     if not effects.changes_pixels:
         return image
-    light = _linear(image)
-    if effects.defocus_px > 0:
-        light = np.asarray(
-            cv2.GaussianBlur(light, (0, 0), effects.defocus_px, borderType=cv2.BORDER_REPLICATE), np.float32
-        )
-    if effects.vignetting > 0:
-        light *= vignette(intrinsics, effects.vignetting)[..., None]
-    light += np.float32(effects.veiling_glare)
-    if effects.moves:
-        if depth is None:
+    if depth is None:
+        if effects.moves:
             raise ValueError("motion blur needs the depth map")
-        light = motion_blurred(light, image_motion(depth, intrinsics, motion))
-    light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
-    return with_grain(developed(light), effects.grain, effects.grain_px, rng)
+        depth = np.zeros(image.shape[:2], np.float32)
+    flow_of = partial(image_motion, intrinsics=intrinsics, motion=motion)
+    tops = range(0, len(image), _BAND_PX)
+    longest = max(np.linalg.norm(flow_of(depth[top : top + _BAND_PX], first_row=top), axis=-1).max() for top in tops)
+    beyond = int(np.ceil(4.0 * effects.defocus_px + 0.5 * longest)) + 2  # the lens's blur ends at 4 σ
+    grey = np.empty_like(image, order="C")
+    for top in tops:
+        first = max(0, top - beyond)
+        rows = slice(first, top + _BAND_PX + beyond)
+        blurred = cv2.LUT(image[rows], _LINEAR)
+        if effects.defocus_px > 0:
+            blurred = cv2.GaussianBlur(blurred, (0, 0), effects.defocus_px, borderType=cv2.BORDER_REPLICATE)
+        light = np.asarray(blurred, np.float32)
+        light *= vignette(intrinsics, effects.vignetting)[rows, :, None]
+        light += np.float32(effects.veiling_glare)
+        light = motion_blurred(light, flow_of(depth[rows], first_row=first), longest, first_row=first)
+        light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
+        grey[top : top + _BAND_PX] = developed(light[top - first :][:_BAND_PX])
+    return with_grain(grey, effects.grain, effects.grain_px, rng)
 
 
-def image_motion(depth: Float32Array, intrinsics: Intrinsics, motion: Motion) -> Float32Array:
+def image_motion(depth: Float32Array, intrinsics: Intrinsics, motion: Motion, *, first_row: int = 0) -> Float32Array:
     """(h, w, 2) pixels by which each pixel's point moves through the image during the exposure.
 
     The instantaneous flow of a rigid scene (Longuet-Higgins and Prazdny 1980): the turn's part does not depend on
-    depth, the shift's part falls with it and is 0 where nothing is hit.
+    depth, the shift's part falls with it and is 0 where nothing is hit. ``first_row`` of the image is that of
+    ``depth``.
     """
     h, w = depth.shape
     x = ((np.arange(w, dtype=np.float32) + 0.5 - intrinsics.cx) / intrinsics.fx)[None, :]
-    y = ((np.arange(h, dtype=np.float32) + 0.5 - intrinsics.cy) / intrinsics.fy)[:, None]
+    y = ((np.arange(first_row, first_row + h, dtype=np.float32) + 0.5 - intrinsics.cy) / intrinsics.fy)[:, None]
     nearness = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
     (tx, ty, tz), (wx, wy, wz) = np.asarray(motion.shift_m).tolist(), np.asarray(motion.turn_rad).tolist()
     flow = np.empty((h, w, 2), np.float32)
@@ -136,28 +149,29 @@ def image_motion(depth: Float32Array, intrinsics: Intrinsics, motion: Motion) ->
     return flow
 
 
-def motion_blurred(light: Float32Array, flow: Float32Array) -> Float32Array:
+def motion_blurred(light: Float32Array, flow: Float32Array, longest: float, *, first_row: int = 0) -> Float32Array:
     """Linear light (h, w, 3) averaged along each pixel's own motion (h, w, 2) in steps of at most a pixel.
 
     One image and a depth map stand for the many exposures a true blur would need. What is wrong with it: a leaf's edge
     that moves faster than what is behind it does not smear over that, nor does what it uncovers appear.
+    ``longest`` is the longest motion of the whole image, pixels, ``first_row`` its row that is ``light``'s first.
     """
-    longest = float(np.sqrt((flow * flow).sum(axis=-1).max()))
     taps = min(_MAX_TAPS, 2 * int(np.ceil(longest / 2.0)) + 1)
-    if longest < 0.05 or taps < 2:
+    if longest < 0.05:
         return light
     result = np.empty_like(light)
-    _average(light, flow, taps, result)
+    _average(light, flow, first_row, taps, result)
     return result
 
 
 @fast_kernel
-def _average(light: Float32Array, flow: Float32Array, taps: int, result: Float32Array) -> None:
+def _average(light: Float32Array, flow: Float32Array, first_row: int, taps: int, result: Float32Array) -> None:
     """Means of bilinear samples at the middles of equal parts of the exposure, ``taps`` (odd) of them: the picture
     stays in place.
     """
     h, w = light.shape[:2]
     share = np.float32(1.0 / taps)
+    lowest, highest = np.float32(first_row), np.float32(first_row + h - 1)
     for i in range(h):
         for j in range(w):
             for c in range(3):
@@ -167,10 +181,11 @@ def _average(light: Float32Array, flow: Float32Array, taps: int, result: Float32
                     continue
                 step = np.float32((k + 0.5) / taps - 0.5)
                 x = min(max(np.float32(j) + step * flow[i, j, 0], np.float32(0.0)), np.float32(w - 1))
-                y = min(max(np.float32(i) + step * flow[i, j, 1], np.float32(0.0)), np.float32(h - 1))
-                left, top = int(x), int(y)
+                y = min(max(np.float32(first_row + i) + step * flow[i, j, 1], lowest), highest)
+                left, upper = int(x), int(y)
+                u, v = x - np.float32(left), y - np.float32(upper)
+                top = upper - first_row
                 right, bottom = min(left + 1, w - 1), min(top + 1, h - 1)
-                u, v = x - np.float32(left), y - np.float32(top)
                 for c in range(3):
                     above = light[top, left, c] + u * (light[top, right, c] - light[top, left, c])
                     below = light[bottom, left, c] + u * (light[bottom, right, c] - light[bottom, left, c])
@@ -186,12 +201,6 @@ def vignette(intrinsics: Intrinsics, loss: float) -> Float32Array:
     share: Float32Array = (1.0 - loss * (squared / squared.max()) ** 2).astype(np.float32)
     share.setflags(write=False)
     return share
-
-
-def _linear(image: ByteArray) -> Float32Array:
-    table = (np.arange(256, dtype=np.float32) / np.float32(255.0)) ** 2
-    light: Float32Array = table[image]
-    return light
 
 
 def with_noise(image: ByteArray, sigma: float, rng: np.random.Generator) -> ByteArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -36,8 +36,6 @@ _FAR_M = 200.0
 """Farthest distance along the optical axis that is drawn, metres."""
 _SAMPLES = 4
 """Samples a pixel of photographs that are not economical."""
-KEPT_BYTES = 384 << 20
-"""Limit of kept drawings for sets of cameras that share poses, bytes."""
 
 
 _LEAST_STEP = 16
@@ -55,16 +53,10 @@ class RenderingError(InputError):
 
 
 class Renderer:
-    """Renders one scene. The scene is uploaded once; use it as a context manager or call `close`.
+    """Renders one scene. The scene is uploaded once; use it as a context manager or call `close`."""
 
-    Args:
-        scene: what to render.
-        keep_bytes: of the images and depths that `drawn` made last: a pose asked for again is not drawn again.
-    """
-
-    def __init__(self, scene: Scene, *, keep_bytes: int = 0) -> None:
-        self.scene, self._keep_bytes = scene, keep_bytes
-        self._kept: dict[Hashable, tuple[ByteArray, Float32Array | None]] = {}
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
         try:
             self._pyrender, self._platform, self._gl = _start(scene)
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
@@ -108,7 +100,6 @@ class Renderer:
         """
         if self._platform is None:
             raise RenderingError("the renderer is closed")
-        self._kept.clear()
         self._platform.make_current()
         for name, points in vertices.items():
             if name not in self._meshes:
@@ -134,32 +125,24 @@ class Renderer:
         return self._metres(self._gl.draw(self._content, samples=0, output="depth"))
 
     def _metres(self, drawn: Float32Array) -> Float32Array:
-        window = drawn.astype(np.float64)
-        depth = _NEAR_M * _FAR_M / (_FAR_M - window * (_FAR_M - _NEAR_M))
-        depth[window >= 1.0] = 0.0
-        return depth.astype(np.float32)
+        metres = drawn.astype(np.float64)
+        metres *= _NEAR_M - _FAR_M
+        metres += _FAR_M
+        np.divide(_NEAR_M * _FAR_M, metres, out=metres)
+        metres[drawn >= 1.0] = 0.0
+        return metres.astype(np.float32)
 
     def drawn(
         self, pose: Pose, intrinsics: Intrinsics, *, depth: bool, economy: bool
     ) -> tuple[ByteArray, Float32Array | None]:
         """`photograph`, and with ``depth`` `depth`: what a camera's effects and noise are put on.
 
-        ``economy`` draws one sample per pixel instead of four, and smooths edges afterwards. A kept drawing is the same
-        to the bit as a new one.
+        ``economy`` draws one sample per pixel instead of four, and smooths edges afterwards.
         """
-        key = (pose.rotation.tobytes(), pose.center.tobytes(), intrinsics, depth, economy)
-        drawing = self._kept.pop(key, None)
-        if drawing is None:
-            samples = 0 if economy else _SAMPLES
-            image = self.photograph(pose, intrinsics, samples=samples)
-            distance = None
-            if depth:
-                distance = self._metres(self._gl.depth_of_last()) if economy else self.depth(pose, intrinsics)
-            drawing = smooth_edges(image) if economy else image, distance
-        self._kept[key] = drawing
-        while sum(part.nbytes for kept in self._kept.values() for part in kept if part is not None) > self._keep_bytes:
-            del self._kept[next(iter(self._kept))]
-        return drawing
+        image, distance = self.photograph(pose, intrinsics, samples=0 if economy else _SAMPLES), None
+        if depth:
+            distance = self._metres(self._gl.depth_of_last()) if economy else self.depth(pose, intrinsics)
+        return smooth_edges(image) if economy else image, distance
 
     def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:
         if self._platform is None:

@@ -53,7 +53,7 @@ def bake_light(
         radius_m: only what lies within this distance of the origin (in x and y) casts and receives shadows.
     """
     points = np.concatenate([mesh.vertices for mesh, _ in surfaces]).astype(np.float64)
-    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh, _ in surfaces]).astype(np.float64)
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh, _ in surfaces])
     triangles = corners[(np.abs(corners[:, :, :2]) < radius_m).all(axis=(1, 2))]
     sun = np.asarray(light.sun) / np.linalg.norm(light.sun)
     seen_sun = visible_from(

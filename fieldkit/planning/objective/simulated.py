@@ -33,7 +33,7 @@ from fieldkit.runtime.context import Context
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
-from fieldkit.scenes.renderer import KEPT_BYTES, Renderer
+from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Outdoors, Sidecars, simulate_capture
@@ -143,7 +143,7 @@ class SimulatedSource:
         """Upload the scene and index the reference."""
         assert self.reference is not None
         if self._renderer is None:
-            self._renderer = Renderer(self.proxy.scene, keep_bytes=KEPT_BYTES)
+            self._renderer = Renderer(self.proxy.scene)
 
     @contextmanager
     def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[PhotoSet]:
