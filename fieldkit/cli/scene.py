@@ -70,6 +70,8 @@ class TrialOptions:
     """Bare ground between ranges."""
     stage: Stage = "V10"
     """Growth stage: V4 to V18, VT, R1."""
+    weeds: Annotated[float, Option(metavar="PER_M2", min=0.0, max=200.0)] = 0.0
+    """Broad-leaved weeds a square metre, and 7.5 times as many small ones."""
 
     def described(self, row_spacing_m: float, plant_spacing_m: float, seed: int) -> TrialDescription:
         """The trial that is asked for."""
@@ -134,7 +136,7 @@ def scene_new(
 
     if trial.trial:
         block = trial.described(row_spacing or 0.75, spacing or 0.18, seed)
-        _new_trial(block, output, overwrite=overwrite, as_json=as_json)
+        _new_trial(block, trial.weeds, output, overwrite=overwrite, as_json=as_json)
         return
     if output is not None:
         check_replaceable(output, overwrite=overwrite)
@@ -166,7 +168,7 @@ def scene_new(
         answer(f"{count(plants, 'plant')} in {output}; {shipped_page('sim/README.md')} explains its keys")
 
 
-def _new_trial(trial: TrialDescription, output: Path | None, *, overwrite: bool, as_json: bool) -> None:
+def _new_trial(trial: TrialDescription, weeds: float, output: Path | None, *, overwrite: bool, as_json: bool) -> None:
     if output is None:
         raise UsageError("a trial is a folder", remedy="Name it: -o block.")
     from dataclasses import asdict
@@ -175,7 +177,8 @@ def _new_trial(trial: TrialDescription, output: Path | None, *, overwrite: bool,
     from fieldkit_sim.trial.files import new_trial, write_trial
 
     with open_progress(as_json=as_json) as progress:
-        scene = new_trial(trial, name=output.name, notes=f"fieldkit scene new --trial, seed {trial.seed}")
+        notes = f"fieldkit scene new --trial, seed {trial.seed}"
+        scene = new_trial(trial, weeds_per_m2=weeds, name=output.name, notes=notes)
         truth = write_trial(output, scene, overwrite=overwrite, progress=progress)
     if as_json:
         emit_json({"output": output, "seed": trial.seed, "plots": [asdict(plot) | {"lai": plot.lai} for plot in truth]})

@@ -121,7 +121,7 @@ class WeedsDescription:
     patchiness: Share = 0.5
     """0 even cover, 1 patches with bare soil between them."""
     radius_m: Annotated[float, Field(gt=0, le=10)] = 2.5
-    """How far from the origin they grow."""
+    """How far from the origin they grow; in a trial all over the block and a metre beside it."""
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -118,7 +118,7 @@ LEAF = (0.45, 0.20)
 """Material of leaves."""
 _PLAIN_LEAF = (0.45, 0.10)
 """Material of leaves without markings."""
-_WEED = (0.40, 0.10)
+WEED = (0.40, 0.10)
 """Material of weeds."""
 SOIL: Material = (0.0, 0.012)
 """Material of soil."""
@@ -131,7 +131,7 @@ def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
     """The plot's meshes with baked light, and the sky."""
     surfaces = _plants(plot, advance=advance)
     surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
-    surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, partial(soil_height, plot.soil))]
+    surfaces += [(mesh, WEED) for mesh in build_weeds(plot.weeds, partial(soil_height, plot.soil))]
     shadows = _PLAIN if plot.soil.kind == "printed" else _FINE
     lit = bake_light(surfaces, plot.light, radius_m=0.5 * plot.extent_m + 0.6, shadows=shadows)
     return Scene((*lit, sky()), plot.light)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,8 @@ from fieldkit_sim.faces import grid_faces, vertex_normals
 Height = Callable[[FloatArray, FloatArray], FloatArray]
 _NEAR_M = 1.2
 """Distance from the middle within which ground cover is dense, metres."""
+_BESIDE_M = 1.0
+"""Width about a trial's block on which weeds grow, metres."""
 
 
 def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
@@ -28,13 +30,27 @@ def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
     """
     rng = np.random.default_rng([weeds.seed, 61])
     near = min(weeds.radius_m, _NEAR_M)
-    leaves = [
-        _cover(weeds, height, 0.0, near, 1.0, rng),
-        _cover(weeds, height, near, weeds.radius_m, 0.35, rng),
-        _rosettes(weeds, height, rng),
-    ]
+    return _meshes(
+        [
+            _cover(_spots(weeds, weeds.cover_per_m2, 0.0, near, rng), height, 1.0, rng),
+            _cover(_spots(weeds, weeds.cover_per_m2 * 0.35, near, weeds.radius_m, rng), height, 0.35, rng),
+            _rosettes(_spots(weeds, weeds.weeds_per_m2, 0.0, weeds.radius_m, rng), height, rng),
+        ]
+    )
+
+
+def block_weeds(weeds: WeedsDescription, height: Height, size_m: tuple[float, float]) -> list[Mesh]:
+    """The same over a block of a trial of that size (x, y) about the origin and the ground beside it."""
+    rng = np.random.default_rng([weeds.seed, 62])
+    half = 0.5 * np.array(size_m) + _BESIDE_M
+    cover, rosettes = (_over(weeds, per_m2, half, rng) for per_m2 in (weeds.cover_per_m2, weeds.weeds_per_m2))
+    return _meshes([_cover(cover, height, 1.0, rng), _rosettes(rosettes, height, rng)], (WEED_NAMES[0], WEED_NAMES[2]))
+
+
+def _meshes(leaves: Sequence[_Leaves], names: Sequence[str] = WEED_NAMES) -> list[Mesh]:
+    """One a quadrant of each kind."""
     meshes = []
-    for name, group in zip(WEED_NAMES, leaves, strict=True):
+    for name, group in zip(names, leaves, strict=True):
         quadrant = (group.base[:, 0] > 0) * 1 + (group.base[:, 1] > 0) * 2
         for q in range(4):
             chosen = group.select(quadrant == q)
@@ -45,18 +61,21 @@ def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
 
 def _spots(weeds: WeedsDescription, per_m2: float, inner: float, outer: float, rng: np.random.Generator) -> FloatArray:
     """Places (n, 2) in a ring, thinned to patches."""
-    xy = rng.uniform(-outer, outer, (round(per_m2 * 4 * outer**2), 2))
+    xy = _over(weeds, per_m2, np.array([outer, outer]), rng)
     r = np.hypot(xy[:, 0], xy[:, 1])
+    return np.asarray(xy[(r >= inner) & (r < outer)])
+
+
+def _over(weeds: WeedsDescription, per_m2: float, half: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Places (n, 2) in a rectangle of these half sides, thinned to patches."""
+    xy = rng.uniform(-half, half, (round(per_m2 * 4 * half[0] * half[1]), 2))
     patch = 0.5 + 0.9 * fractal_noise(xy[:, 0] / 0.5, xy[:, 1] / 0.5, weeds.seed + 5, octaves=3)
     keep = rng.random(len(xy)) < 1 - weeds.patchiness + weeds.patchiness * np.clip(1.6 * patch, 0, 1)
-    return np.asarray(xy[keep & (r >= inner) & (r < outer)])
+    return np.asarray(xy[keep])
 
 
-def _cover(
-    weeds: WeedsDescription, height: Height, inner: float, outer: float, share: float, rng: np.random.Generator
-) -> _Leaves:
+def _cover(spots: FloatArray, height: Height, share: float, rng: np.random.Generator) -> _Leaves:
     """Clover-like plants: leaves of three leaflets on thin stalks of uneven height. Far ones are fewer and larger."""
-    spots = _spots(weeds, weeds.cover_per_m2 * share, inner, outer, rng)
     size = 1.0 / np.sqrt(share)
     per, n = 3, len(spots)
     vigour = np.repeat(rng.uniform(0.7, 1.3, n), per)
@@ -81,9 +100,8 @@ def _cover(
     )
 
 
-def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator) -> _Leaves:
+def _rosettes(spots: FloatArray, height: Height, rng: np.random.Generator) -> _Leaves:
     """Broad-leaved rosettes: 5 to 11 leaves that rise and arch over."""
-    spots = _spots(weeds, weeds.weeds_per_m2, 0.0, weeds.radius_m, rng)
     number = rng.integers(5, 12, len(spots))
     plant = np.repeat(np.arange(len(spots)), number)
     k = np.arange(len(plant)) - np.repeat(np.cumsum(number) - number, number)

@@ -50,6 +50,18 @@ def test_the_truth_is_that_of_the_meshes() -> None:
     assert fine.leaf_area_m2 == pytest.approx(first.leaf_area_m2, rel=0.03)
 
 
+def test_weeds_cover_ground_between_the_rows_and_leave_heights_alone() -> None:
+    (bare, _), (weedy, _) = (
+        trial_truth(scene.plot, build(scene)) for scene in (new_trial(SMALL, weeds_per_m2=per_m2) for per_m2 in (0, 40))
+    )
+    assert bare.weeds_percent == 0.0
+    assert 5.0 < weedy.weeds_percent < 40.0
+    assert weedy.cover_percent == pytest.approx(bare.cover_percent + weedy.weeds_percent)
+    assert bare.volume_m3 < weedy.volume_m3 < bare.volume_m3 + 0.1 * weedy.weeds_percent / 100 * bare.area_m2
+    same = dict(vars(weedy), cover_percent=bare.cover_percent, volume_m3=bare.volume_m3, weeds_percent=0.0)
+    assert same == vars(bare)
+
+
 def test_soil_has_texture_to_the_edge() -> None:
     scene = build(new_trial(SMALL))
     with Renderer(scene) as renderer:

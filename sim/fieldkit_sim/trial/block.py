@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from fieldkit.runtime.progress import Advance, ignore
 from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.scene import Mesh, Scene
-from fieldkit_sim.plot import LEAF, SOIL, Shadows, bake_light, sky
+from fieldkit_sim.plot import LEAF, SOIL, WEED, Shadows, bake_light, sky
 from fieldkit_sim.trial.canopy import Sheets, plot_mesh
 from fieldkit_sim.trial.ground import build_ground, ground_height
 from fieldkit_sim.trial.layout import TrialPlot, plots_of
+from fieldkit_sim.weeds import block_weeds
 
 _SUN_PX = 4096
 """Side of the map of what the sun sees, pixels."""
@@ -34,10 +37,11 @@ def build_scene(plot: PlotDescription, advance: Advance = ignore) -> Scene:
         canopies.append(canopy_of(plot, own, sheets[2 if own.id in trial.detailed else 1]))
         advance(1)
     ground = build_ground(plot.soil, trial.size_m, plot.light.sun)
+    weeds = block_weeds(plot.weeds, partial(ground_height, plot.soil), trial.size_m)
     radius_m = 0.5 * max(trial.size_m) + _BESIDE_M
     sun_m, sky_m = (_BIAS_PX * 2.0 * radius_m / px for px in (_SUN_PX, _SKY_PX))
     lit = bake_light(
-        [*((mesh, LEAF) for mesh in canopies), *((mesh, SOIL) for mesh in ground)],
+        [*((mesh, LEAF) for mesh in canopies), *((mesh, SOIL) for mesh in ground), *((mesh, WEED) for mesh in weeds)],
         plot.light,
         radius_m=radius_m,
         shadows=Shadows(_SUN_PX, sun_m, 1, _SKY_PX, sky_m, _DIRECTIONS),

@@ -13,7 +13,7 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.description import Bounds, SceneDescription, build
-from fieldkit.scenes.plot_description import PlotDescription, SoilDescription, TrialDescription
+from fieldkit.scenes.plot_description import PlotDescription, SoilDescription, TrialDescription, WeedsDescription
 from fieldkit.scenes.scene_file import write_scene
 from fieldkit_sim.generator import FIELD_CAMERA, WIND_M, field_light
 from fieldkit_sim.trial.layout import TrialPlot, plots_of
@@ -22,15 +22,28 @@ from fieldkit_sim.trial.truth import PlotTruth, trial_truth
 SCENE_FILE = "scene.toml"
 PLOTS_FILE = "plots.geojson"
 TRUTH_FILE = "truth.csv"
+_COVER = 7.5
+"""Small weeds for each larger one, as many as other plots have."""
 _HIGHEST_M = 3.6
 """Upper end of a trial's box above the ground, metres: above the tallest tassel."""
 
 
-def new_trial(trial: TrialDescription, *, name: str = "", notes: str = "") -> SceneDescription:
-    """A trial under a sun of its own, with the camera and the wind of the other simulated plots."""
+def new_trial(
+    trial: TrialDescription, *, weeds_per_m2: float = 0.0, name: str = "", notes: str = ""
+) -> SceneDescription:
+    """A trial under a sun of its own, with the camera and the wind of the other simulated plots.
+
+    Where there are larger weeds, so many a square metre, there are small ones in the other plots' ratio.
+    """
     x, y = (0.5 * side for side in trial.size_m)
     return SceneDescription(
-        PlotDescription((), SoilDescription(seed=trial.seed), field_light(trial.seed), trial=trial),
+        PlotDescription(
+            (),
+            SoilDescription(seed=trial.seed),
+            field_light(trial.seed),
+            weeds=WeedsDescription(trial.seed, _COVER * weeds_per_m2, weeds_per_m2),
+            trial=trial,
+        ),
         name=name,
         notes=notes,
         bounds=Bounds((-x, -y, 0.0), (x, y, _HIGHEST_M)),

@@ -10,6 +10,7 @@ import numpy as np
 from fieldkit.arrays import BoolArray
 from fieldkit.clouds.volume import Volume
 from fieldkit.scenes.plot_description import PlotDescription
+from fieldkit.scenes.sampling import WEED_NAMES
 from fieldkit.scenes.scene import Mesh, Scene
 from fieldkit_sim.trial.ground import ground_height
 from fieldkit_sim.trial.layout import TrialPlot, plots_of
@@ -23,7 +24,10 @@ _COVERED_M = 0.02
 
 @dataclass(frozen=True)
 class PlotTruth:
-    """A plot's true traits. Cover, volume and quantiles count all leaves within the outline, neighbours', too."""
+    """A plot's true traits. Cover, volume and quantiles count all leaves within the outline, neighbours', too.
+
+    Weeds count for cover and volume, where they stand `_COVERED_M` high, and for no other trait.
+    """
 
     plot: str
     plants: int
@@ -41,6 +45,8 @@ class PlotTruth:
     """One side of its own plants' blades."""
     area_m2: float
     """Of the outline."""
+    weeds_percent: float
+    """What of ``cover_percent`` weeds alone cover."""
 
     @property
     def lai(self) -> float:
@@ -61,23 +67,25 @@ class PlotTruth:
 def trial_truth(plot: PlotDescription, scene: Scene) -> tuple[PlotTruth, ...]:
     """The truth of every plot of a block; ``scene`` is what was built of it."""
     assert plot.trial is not None
-    return tuple(plot_truth(plot, own, scene.plants) for own in plots_of(plot.trial))
+    return tuple(plot_truth(plot, own, scene.meshes) for own in plots_of(plot.trial))
 
 
-def plot_truth(plot: PlotDescription, own: TrialPlot, plants: Iterable[Mesh]) -> PlotTruth:
-    """The truth of one plot of a block; ``plants`` are those of its scene."""
-    meshes = {mesh.name: mesh for mesh in plants}
+def plot_truth(plot: PlotDescription, own: TrialPlot, meshes: Iterable[Mesh]) -> PlotTruth:
+    """The truth of one plot of a block; of its scene's ``meshes`` plants and weeds count."""
+    near = {mesh.name: mesh for mesh in meshes if _touches(mesh, own)}
     outline = Volume((*own.lower_m, -1.0), (*own.upper_m, 10.0))
-    near = [mesh for mesh in meshes.values() if _touches(mesh, own)]
-    above = height_map(near, outline, _PIXEL_M)
+    above = height_map([mesh for mesh in near.values() if mesh.plant], outline, _PIXEL_M)
+    weeds = height_map([mesh for name, mesh in near.items() if name.startswith(WEED_NAMES)], outline, _PIXEL_M)
     rows, columns = above.shape
     x = own.lower_m[0] + (np.arange(columns) + 0.5) * _PIXEL_M
     y = own.lower_m[1] + (np.arange(rows) + 0.5) * _PIXEL_M
     ground = ground_height(plot.soil, *np.meshgrid(x, y))
     heights = above - ground
     covered = heights > _COVERED_M  # False where there is none
+    green = np.fmax(heights, weeds - ground)
+    hidden = green > _COVERED_M
     level = float(np.median(ground))
-    mesh = meshes[f"plot-{own.id}"]
+    mesh = near[f"plot-{own.id}"]
     assert mesh.flex_m is not None
     blades = mesh.flex_m > 0.0
     p95, p99 = np.quantile(heights[covered], [0.95, 0.99]) if covered.any() else (0.0, 0.0)
@@ -88,10 +96,11 @@ def plot_truth(plot: PlotDescription, own: TrialPlot, plants: Iterable[Mesh]) ->
         float(mesh.vertices[:, 2].max()) - level,
         float(p95),
         float(p99),
-        100.0 * float(covered.mean()),
-        float(heights[covered].sum()) * _PIXEL_M**2,
+        100.0 * float(hidden.mean()),
+        float(green[hidden].sum()) * _PIXEL_M**2,
         _area(mesh, blades),
         float(np.prod(np.subtract(own.upper_m, own.lower_m))),
+        100.0 * float((hidden & ~covered).mean()),
     )
 
 
