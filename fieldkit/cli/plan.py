@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.folder import LogEntry, RunFolder
     from fieldkit.planning.run.outcome import Outcome
     from fieldkit.planning.settings import SearchSettings
+    from fieldkit.runtime.context import Context
     from fieldkit.runtime.progress import Advance, Progress
 
 
@@ -180,7 +181,7 @@ def command(
     Photographs of every trial are taken (rendered, or looked up in a recorded set), reconstructed by real structure
     from motion and scored against the reference. The result holds plan.json, pictures and every evaluation. --resume
     goes on with an interrupted run, and with more --evaluations a finished one. With --json a line per evaluation goes
-    to stderr.
+    to stderr. Patterns for a trial come with fieldkit; with --evaluations they are searched for.
 
     Args:
         noise: Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.
@@ -189,6 +190,7 @@ def command(
         fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o trial-plan
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
         fieldkit plan --trial plots.geojson --vehicle dji-mavic-3-enterprise --stage V10 --minutes 5 -o trial-plan
+        fieldkit plan --trial plots.geojson --vehicle ardupilot-pitch --stage V10 --evaluations 8 -o searched-plan
         fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
         fieldkit plan --scene case-1 --for this-plot -o case-1-plan
         fieldkit plan --scene case-1 --method bosfm --evaluations 200 -o case-1-bosfm
@@ -197,7 +199,8 @@ def command(
     if trial.trial is not None:
         if settings.sources or settings.vehicle is None:
             raise UsageError("--trial needs --vehicle, and no other source", remedy="Give the vehicle that flies it.")
-        _plan_trial(output, trial, settings.vehicle, overwrite=overwrite, as_json=as_json)
+        with run_context(as_json=as_json, seed=settings.seed) as context:
+            _plan_trial(output, trial, settings, context, overwrite=overwrite, as_json=as_json)
         return
     own = {"noise": pose_noise(noise)} if noise else {}
     asked = settings.model_copy(update={"envelope": envelope, **own})
@@ -227,14 +230,24 @@ def command(
         _show(output, planned, outcome)
 
 
-def _plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overwrite: bool, as_json: bool) -> None:
+def _plan_trial(
+    output: Path, asked: TrialSettings, search: PlanSettings, context: Context, *, overwrite: bool, as_json: bool
+) -> None:
     from fieldkit.figures.content import Row, tabulated
     from fieldkit.figures.terminal import rendered
     from fieldkit.files import write_atomic
     from fieldkit.pictures.front import draw_front
     from fieldkit.planning.patterns.plan import FRONT_FILE, plan_trial
 
-    made = plan_trial(output, asked, vehicle, overwrite=overwrite)
+    made = plan_trial(
+        output,
+        asked,
+        search.vehicle or "",
+        context,
+        method=search.method,
+        evaluations=search.evaluations if "evaluations" in search.model_fields_set else 0,
+        overwrite=overwrite,
+    )
     title = f"Patterns over {count(made.plots, 'plot')} at {made.stage}"
     points = [(each.minutes, 1000.0 * each.worth.value_m, each is made.chosen) for each in made.front]
     write_atomic(output / PLAN_PICTURE, draw_front(title, points))

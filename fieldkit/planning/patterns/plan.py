@@ -2,33 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 import shapely
 
+from fieldkit.arrays import FloatArray
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.json_file import read_model
 from fieldkit.errors import MetadataError, UsageError
+from fieldkit.figures.style import format_length
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import SourceFrame
+from fieldkit.planning.patterns.block import LAYOUT, Block
 from fieldkit.planning.patterns.front import FrontPattern, PatternWorth, front_of, over
+from fieldkit.planning.patterns.objective import evaluate
+from fieldkit.planning.patterns.score import PatternScore
+from fieldkit.planning.patterns.search import PatternSearch
 from fieldkit.planning.patterns.space import PatternSpace
 from fieldkit.planning.plan_settings import TrialSettings
+from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.results.fields import Length, Strict
+from fieldkit.results.pattern import Pattern
 from fieldkit.results.plan import Plan, PlanMethod
 from fieldkit.results.plan_file import PLAN_FILE, save_plan
+from fieldkit.runtime.context import Context
 from fieldkit.runtime.shipped import shipped_folder
+from fieldkit.scenes.renderer import Renderer
 from fieldkit.sites.plots_file import drawn_outline, read_plots
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.version import __version__
 from fieldkit.vocabulary import Stage
+from fieldkit.wording import count
 
 FRONT_FILE = "front.csv"
 _MAX_BYTES = 1 << 20
@@ -37,6 +49,10 @@ _WIDE = 0.85
 """Focal length from which a lens is narrow, in widths of the picture."""
 _MOST = 12
 """Patterns of a front."""
+_BLOCKS = 2
+"""Number of blocks that evaluations are on in turn."""
+_BLOCK_SEED = 5000
+"""Seed of the first one."""
 _REMEDY = "`fieldkit plan --help` explains the options."
 
 
@@ -70,12 +86,23 @@ class TrialPlan:
     plots: int
 
 
-def plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overwrite: bool = False) -> TrialPlan:
+def plan_trial(
+    output: Path,
+    asked: TrialSettings,
+    vehicle: str | Path,
+    context: Context | None = None,
+    *,
+    method: str = "field",
+    evaluations: int = 0,
+    overwrite: bool = False,
+) -> TrialPlan:
     """Choose a pattern for a trial, and write plan.json and front.csv.
 
     Args:
         output: the plan's folder.
         vehicle: a profile's name or file.
+        method: of a search, `field` or `bosfm`.
+        evaluations: of rendered plots that it makes; none chooses among the patterns that come with fieldkit.
 
     Raises:
         UsageError: the stage is not known, or no pattern keeps what is asked.
@@ -91,28 +118,77 @@ def plan_trial(output: Path, asked: TrialSettings, vehicle: str | Path, *, overw
     if not corners:
         raise MetadataError("the plots are points", path=asked.trial, remedy="Draw polygons, or give their sides.")
     plants_m = max((plot.plant_height_m or 0.0 for plot in drawn.plots), default=0.0)
+    context = context or Context()
     kind = shipped_patterns(asked.stage, plants_m, flyer)
     field = shapely.MultiPoint(corners).convex_hull
     space = PatternSpace(flyer, plants_m or kind.plants_m)
-    flown = [over(w, space, field, first.row_heading_deg) for w in kind.patterns if space.allows(w.pattern)]
+    worths, stage = kind.patterns, kind.stage
+    if evaluations:
+        minutes = asked.minutes or flyer.battery.usable_s / 60.0
+
+        def allowed(pattern: Pattern) -> bool:
+            in_time = space.seconds(pattern, field, first.row_heading_deg)[0] <= 60.0 * minutes
+            return in_time and space.matches(pattern)
+
+        stage = asked.stage or stage
+        worths = tuple(_searched(space, allowed, stage, method, evaluations, context))
+    flown = [over(w, space, field, first.row_heading_deg) for w in worths if space.allows(w.pattern)]
     if not flown:
         raise UsageError("the vehicle can fly none of the patterns", remedy="Plan with another vehicle or mount.")
     front = front_of(flown)
     front = [front[k] for k in np.unique(np.linspace(0, len(front) - 1, min(len(front), _MOST)).round().astype(int))]
     chosen = choose(front, asked, flyer)
     with atomic_folder(output, overwrite=overwrite, marker=PLAN_FILE) as folder:
-        method = PlanMethod(name="patterns", evaluations=chosen.worth.evaluations, expected_m=chosen.worth.value_m)
+        by = PlanMethod(name="patterns", evaluations=chosen.worth.evaluations, expected_m=chosen.worth.value_m)
         plan = Plan(
             fieldkit=__version__,
             pattern=chosen.worth.pattern,
             camera=flyer.camera,
             plant_height_m=space.plants_m,
-            method=method,
+            method=by,
         )
         save_plan(folder / PLAN_FILE, plan)
         rows = [each.row for each in front]
         write_atomic(folder / FRONT_FILE, csv_text(list(rows[0]), [row.values() for row in rows]))
-    return TrialPlan(front, chosen, kind.stage, len(drawn.plots))
+    return TrialPlan(front, chosen, stage, len(drawn.plots))
+
+
+def _searched(
+    space: PatternSpace,
+    allowed: Callable[[Pattern], bool],
+    stage: Stage,
+    method: str,
+    evaluations: int,
+    context: Context,
+) -> list[PatternWorth]:
+    """What was evaluated on blocks in turn, and is worth on both by all evaluations."""
+    noise, camera = flight_noise(space.vehicle), space.vehicle.camera.without_distortion()
+    with context.progress.stage("Growing blocks", _BLOCKS):
+        blocks = [
+            Block.of(replace(LAYOUT, stage=stage, seed=_BLOCK_SEED + context.seed + number))
+            for number in range(_BLOCKS)
+        ]
+        scores = [PatternScore.of(block) for block in blocks]
+
+    def terms(pattern: Pattern) -> FloatArray:
+        return np.asarray(np.mean([score.expect(pattern, camera, noise) for score in scores], axis=0))
+
+    search = PatternSearch(space, allowed, terms, context.seed)
+    with context.progress.stage("Evaluating patterns", evaluations) as advance, ExitStack() as opened:
+        renderers = [opened.enter_context(Renderer(block.scene)) for block in blocks]
+        for number in range(evaluations):
+            code, of = search.propose(method), number % len(blocks)
+            pattern = space.decode(code)
+            made = evaluate(pattern, blocks[of], renderers[of], camera, noise, context.seed + number)
+            search.tell(code, of, made.value_m)
+            known = count(made.right, "photograph counts", "photographs count", of=made.photographs)
+            context.progress.note(f"{format_length(made.value_m)}: {known}, {count(len(pattern.looks), 'way')} to look")
+            advance(1)
+    values_m = search.expected_m(search.codes).tolist()
+    return [
+        PatternWorth(pattern=space.decode(code), value_m=value_m, evaluations=1)
+        for code, value_m in zip(search.codes, values_m, strict=True)
+    ]
 
 
 def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> StagePatterns:
