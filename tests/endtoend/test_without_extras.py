@@ -56,6 +56,7 @@ def test_only_searches_import_it() -> None:
     done = subprocess.run([sys.executable, "-c", IMPORT_ALL, *modules()], capture_output=True, text=True, check=True)
     assert set(json.loads(done.stdout)) == {
         "fieldkit.planning.methods.bosfm",
+        "fieldkit.planning.patterns.search",
         "fieldkit.planning.surrogate.ensemble",
     }
 

@@ -24,7 +24,6 @@ from fieldkit.planning.patterns.block import LAYOUT, Block
 from fieldkit.planning.patterns.front import FrontPattern, PatternWorth, front_of, over
 from fieldkit.planning.patterns.objective import evaluate
 from fieldkit.planning.patterns.score import PatternScore
-from fieldkit.planning.patterns.search import PatternSearch
 from fieldkit.planning.patterns.space import PatternSpace
 from fieldkit.planning.plan_settings import TrialSettings
 from fieldkit.planning.run.flyable import flight_noise
@@ -172,6 +171,8 @@ def _searched(
 
     def terms(pattern: Pattern) -> FloatArray:
         return np.asarray(np.mean([score.expect(pattern, camera, noise) for score in scores], axis=0))
+
+    from fieldkit.planning.patterns.search import PatternSearch  # brings PyTorch along
 
     search = PatternSearch(space, allowed, terms, context.seed)
     with context.progress.stage("Evaluating patterns", evaluations) as advance, ExitStack() as opened:
