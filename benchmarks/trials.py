@@ -210,12 +210,8 @@ def _rms(errors: Sequence[float]) -> float:
 
 def _in_scene(flight: Flight, plot: PlotEvaluation, points: FloatArray) -> FloatArray:
     """Points (n, 3) of a plot's frame in the frame of the flight's scene."""
-    frame = plot.frame
-    assert frame is not None
-    assert frame.origin is not None
-    source = frame.of_source(plot.metric_source or "").from_source.inverse().apply(points)
-    scene = read_scene(flight.folder / SCENE_FILE)
-    return scene.site.origin.to_local(*frame.origin.to_geodetic(source))
+    assert plot.frame is not None
+    return plot.frame.about(read_scene(flight.folder / SCENE_FILE).site.origin, points)
 
 
 def _offsets_m(flight: Flight, images: dict[str, tuple[ImageReport, PlotEvaluation]]) -> dict[str, FloatArray]:

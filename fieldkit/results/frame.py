@@ -89,6 +89,11 @@ class FrameEntry(Strict):
         """The frame as a reconstruction works in it; ``metric_source`` is that of the same report."""
         return SourceFrame(metric_source, self.origin, Similarity.from_matrix(np.array(self.plot_from_source)))
 
+    def about(self, place: LocalFrame, points: FloatArray) -> FloatArray:
+        """Points (n, 3) of the plot frame, which has a place on Earth, in the frame about another place."""
+        assert self.origin is not None
+        return place.to_local(*self.origin.to_geodetic(self.of_source("").from_source.inverse().apply(points)))
+
 
 class VolumeEntry(Strict):
     """The volume of interest, an axis-aligned box in the plot frame."""

@@ -107,13 +107,15 @@ def photographed(
     balance = 1.0 + rng.normal(size=2) * effects.white_balance
     if not effects.changes_pixels:
         return image
-    if depth is None:
-        if effects.moves:
-            raise ValueError("motion blur needs the depth map")
-        depth = np.zeros(image.shape[:2], np.float32)
+    if effects.moves and depth is None:
+        raise ValueError("motion blur needs the depth map")
+    moving = depth if effects.moves else None
     flow_of = partial(image_motion, intrinsics=intrinsics, motion=motion)
     tops = range(0, len(image), _BAND_PX)
-    longest = max(np.linalg.norm(flow_of(depth[top : top + _BAND_PX], first_row=top), axis=-1).max() for top in tops)
+    longest = 0.0
+    if moving is not None:
+        bands = (flow_of(moving[top : top + _BAND_PX], first_row=top) for top in tops)
+        longest = max(float(np.linalg.norm(flow, axis=-1).max()) for flow in bands)
     beyond = int(np.ceil(4.0 * effects.defocus_px + 0.5 * longest)) + 2  # the lens's blur ends at 4 σ
     grey = np.empty_like(image, order="C")
     for top in tops:
@@ -125,7 +127,8 @@ def photographed(
         light = np.asarray(blurred, np.float32)
         light *= vignette(intrinsics, effects.vignetting)[rows, :, None]
         light += np.float32(effects.veiling_glare)
-        light = motion_blurred(light, flow_of(depth[rows], first_row=first), longest, first_row=first)
+        if moving is not None:
+            light = motion_blurred(light, flow_of(moving[rows], first_row=first), longest, first_row=first)
         light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
         grey[top : top + _BAND_PX] = developed(light[top - first :][:_BAND_PX])
     return with_grain(grey, effects.grain, effects.grain_px, rng)

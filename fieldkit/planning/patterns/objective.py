@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import shapely
 
+from fieldkit.clouds.canopy import inside_outline
 from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances
 from fieldkit.clouds.ply import read_cloud
 from fieldkit.errors import ReconstructionError
@@ -98,18 +98,14 @@ def evaluate(
         if found.error is not None or found.frame is None or found.frame.origin is None:
             return replace(made, failure="" if found.error is None else found.error.message)
         cloud = read_cloud(folder / found.name / CLOUD_FILE)
-    source = found.frame.of_source(found.metric_source or "").from_source.inverse().apply(cloud.points)
-    cloud = replace(cloud, points=site.origin.to_local(*found.frame.origin.to_geodetic(source)))
-    own = cloud.select(shapely.contains_xy(shapely.Polygon(block.outline), cloud.points[:, :2]))
+    cloud = replace(cloud, points=found.frame.about(site.origin, cloud.points))
+    own = cloud.select(inside_outline(cloud.points, block.outline))
     to_reference, to_cloud = nearest_distances(ReferenceIndex(block.reference), own)
-    made = replace(
-        made,
-        value_m=value_m(to_cloud, to_reference),
-        within=float((to_cloud <= _WITHIN_M).mean()),
-    )
-    traits = None if found.traits is None else found.traits.model_dump()
-    known = {name: true for name, true in block.truth.items() if traits and traits[name] is not None}
-    if traits is None or not known:
-        return made
-    units = {name: true if name == "canopy_volume_m3" else 1.0 for name, true in known.items()}
-    return replace(made, errors={name: (traits[name] - true) / units[name] for name, true in known.items()})
+    traits = {} if found.traits is None else found.traits.model_dump()
+    errors = {
+        name: (traits[name] - true) / (true if name == "canopy_volume_m3" else 1.0)
+        for name, true in block.truth.items()
+        if traits.get(name) is not None
+    }
+    within = float((to_cloud <= _WITHIN_M).mean())
+    return replace(made, value_m=value_m(to_cloud, to_reference), within=within, errors=errors or None)

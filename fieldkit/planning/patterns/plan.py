@@ -20,6 +20,7 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import SourceFrame
+from fieldkit.planning.methods.registry import method_entry
 from fieldkit.planning.patterns.block import LAYOUT, Block
 from fieldkit.planning.patterns.front import FrontPattern, PatternWorth, front_of, over
 from fieldkit.planning.patterns.objective import evaluate
@@ -123,6 +124,7 @@ def plan_trial(
     space = PatternSpace(flyer, plants_m or kind.plants_m)
     worths, stage = kind.patterns, kind.stage
     if evaluations:
+        method_entry(method)
         minutes = asked.minutes or flyer.battery.usable_s / 60.0
 
         def allowed(pattern: Pattern) -> bool:

@@ -57,11 +57,6 @@ class Expectation(NamedTuple):
     noise_m: float
     """Error of reconstructed points."""
 
-    @property
-    def value_m(self) -> float:
-        """Of the objective."""
-        return WEIGHTS[0] * self.gap_m + WEIGHTS[1] * self.noise_m + REST_M
-
 
 _NOTHING = Expectation(CAP_M, CAP_M)
 """Of a pattern by whose few photographs traits are refused."""

@@ -108,7 +108,7 @@ def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo
     settings = EvaluationSettings(rasters=rasters, seed=context.seed)
     with progress.stage("Plots of both flights", len(flights)) as advance:
         reports = context.map(partial(evaluate, output, context.cache, settings), [*poses], advance)
-    known = {plot.plot: _traits(plot) for plot in truth}
+    known = {plot.plot: TraitsEntry.model_validate({"height_m": plot.height_m, **plot.of_traits}) for plot in truth}
     compared = DemoReport(
         seed=context.seed,
         pose_noise=(noise.pose_m, noise.pose_deg),
@@ -179,16 +179,6 @@ def _mission(folder: Path, scene: SceneDescription, truth: Sequence[PlotTruth], 
     (folder / "mission").mkdir()
     settings = MissionSettings(plant_height=highest_m)
     return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.kmz", settings, context)
-
-
-def _traits(truth: PlotTruth) -> TraitsEntry:
-    return TraitsEntry(
-        height_m=truth.height_m,
-        height_p95_m=truth.height_p95_m,
-        height_p99_m=truth.height_p99_m,
-        cover_percent=truth.cover_percent,
-        canopy_volume_m3=truth.volume_m3,
-    )
 
 
 def figures(demo: Demo) -> dict[str, object]:
