@@ -13,7 +13,7 @@ import numpy as np
 from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
-from fieldkit.clouds.canopy import Outline
+from fieldkit.clouds.canopy import Outline, floats_from_m
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import FieldkitError, ReconstructionError, StorageError, UsageError
 from fieldkit.evaluation.adherence import NO_ADHERENCE, ComparedPlan, write_adherence
@@ -67,6 +67,8 @@ _MOST_RAISES = 2
 """How often a volume is made higher: sparse points may have missed high plants."""
 _RAISE = 1.5
 """By which a volume is higher each time."""
+_NEAR_TOP_M = 0.1
+"""Distance below a volume's top from which plants reach it, metres."""
 _BELOW_CAMERAS = 0.7
 """Height of the highest volume as a share of the lowest camera's: a pixel nearer to it says nothing of plants."""
 _DOUBTS = 3.0
@@ -109,13 +111,18 @@ class PlacedPlot:
     """Outlines of its planted rows."""
 
     def reconstructed(self, settings: ReconstructionSettings, context: Context) -> Reconstruction:
-        """The plot, in a volume that is higher where plants reach its top."""
+        """The plot, in a volume that is higher where plants, and not only what floats above them, reach its top."""
         found = reconstruct_placed(self.sparse, self.volume, settings, context)
         cameras = min(float(pose.center[2]) for pose in self.sparse.poses.values())
-        for _ in range(_MOST_RAISES):
+        for raised in range(_MOST_RAISES + 1):
             lower, (x, y, upper) = found.volume.lower, found.volume.upper
+            others = tuple(finding for finding in found.sparse.findings if finding.code != VOLUME_CUTS_PLANTS)
+            if len(others) == len(found.sparse.findings):
+                break
+            if floats_from_m(found.plants.points[:, 2] - lower[2]) < upper - lower[2] - _NEAR_TOP_M:
+                return replace(found, sparse=replace(found.sparse, findings=others))
             top = lower[2] + min(_RAISE * (upper - lower[2]), _BELOW_CAMERAS * (cameras - lower[2]))
-            if top <= upper or all(finding.code != VOLUME_CUTS_PLANTS for finding in found.sparse.findings):
+            if top <= upper or raised == _MOST_RAISES:
                 break
             found = reconstruct_placed(self.sparse, Volume(lower, (x, y, top)), settings, context)
         return found

@@ -130,3 +130,5 @@ def test_what_floats_over_an_empty_layer_is_no_canopy() -> None:
     clumps = np.concatenate([rng.uniform(2.1, 2.15, 40), rng.uniform(4.9, 5.1, 30)])
     assert floats_from_m(np.concatenate([canopy_m, tip_m, clumps])) == pytest.approx(1.65, abs=0.04)
     assert floats_from_m(np.concatenate([canopy_m, tip_m])) >= tip_m.max()
+    swarm_m = 1.6 + 1.4 * rng.uniform(0.0, 1.0, 3_000) ** 0.25
+    assert floats_from_m(np.concatenate([canopy_m, tip_m[tip_m < 1.6], swarm_m])) == pytest.approx(1.65, abs=0.06)

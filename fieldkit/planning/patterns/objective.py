@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp
 from fieldkit.clouds.canopy import inside_outline
 from fieldkit.clouds.metrics import ReferenceIndex, nearest_distances
 from fieldkit.clouds.ply import read_cloud
@@ -99,8 +100,11 @@ def evaluate(
             return replace(made, failure="" if found.error is None else found.error.message)
         cloud = read_cloud(folder / found.name / CLOUD_FILE)
     cloud = replace(cloud, points=found.frame.about(site.origin, cloud.points))
+    reference = ReferenceIndex(block.reference)
+    # So few photographs leave the model shifted and turned, which a flight's do not.
     own = cloud.select(inside_outline(cloud.points, block.outline))
-    to_reference, to_cloud = nearest_distances(ReferenceIndex(block.reference), own)
+    motion, _ = icp(own, reference, max_distance_m=REFERENCE_REACH_M)
+    to_reference, to_cloud = nearest_distances(reference, own.transformed(motion))
     traits = {} if found.traits is None else found.traits.model_dump()
     errors = {
         name: (traits[name] - true) / (true if name == "canopy_volume_m3" else 1.0)
