@@ -299,7 +299,9 @@ def _check_plots(path: Path, plots: Sequence[DrawnPlot], capture: Capture) -> No
 
 
 def _placed(capture: Capture, settings: ReconstructionSettings, context: Context) -> SparseResult:
-    sparse, _ = place_photographs(capture, settings, context)
+    sparse, times = place_photographs(capture, settings, context)
+    if known := sum(time.cached for time in times):
+        context.progress.note(f"features of {count(known, 'photograph')} are kept from an earlier run")
     if sparse.frame.origin is None:
         raise ReconstructionError(
             "the model contradicts the photographs' GPS, so it has no place among the plots",

@@ -1,6 +1,8 @@
 """A plot's part of a mapped flight: its photographs, its volume and its picture."""
 
 import pickle
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +10,17 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.trial_flights import Survey, fly
+from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud, Volume
-from fieldkit.evaluation.flight import MOST_VIEWS, motion_onto, plot_views, plot_volume, row_outlines
+from fieldkit.evaluation.flight import (
+    MOST_VIEWS,
+    evaluate_flight,
+    motion_onto,
+    plot_views,
+    plot_volume,
+    row_outlines,
+)
 from fieldkit.evaluation.plot_photo import plot_photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -17,7 +28,12 @@ from fieldkit.geometry.pose import rotation_about_z
 from fieldkit.reconstruction.colmap_model import model_points, model_poses
 from fieldkit.results.finding import Finding
 from fieldkit.results.frame import Plane
+from fieldkit.results.traits import TraitsEntry
+from fieldkit.runtime.context import Context
+from fieldkit.runtime.progress import Advance, Silent
+from fieldkit.scenes.renderer import RenderingError
 from fieldkit.sites.site import SitePlot
+from fieldkit_sim.surveys import Passes
 from tests.evaluation.examples import reconstruction
 
 CORNERS = ((1.0, 0.0), (3.0, 0.0), (3.0, 1.5), (1.0, 1.5))
@@ -141,3 +157,48 @@ def test_flights_of_two_days_meet_at_their_places_on_earth() -> None:
     places = np.array([(0.0, 0.0, 0.0), (3.0, -7.0, 0.4)])
     expected = turn.apply(places + np.array([40.0, -25.0, 1.5]))
     np.testing.assert_allclose(motion_onto(before, today).apply(places), expected, atol=1e-4)
+
+
+class _Killed(Silent):
+    """Ends the run when the first plot is done; keeps what is told."""
+
+    def __init__(self, kills: bool) -> None:
+        self.kills, self.notes = kills, list[str]()
+
+    @contextmanager
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None
+    ) -> Iterator[Advance]:
+        def advance(steps: int) -> None:
+            if self.kills and name == "Plots":
+                raise KeyboardInterrupt
+
+        yield advance
+
+    def note(self, message: str) -> None:
+        self.notes.append(message)
+
+
+@pytest.mark.slow
+def test_a_killed_flight_goes_on_and_ends_the_same(tmp_path: Path) -> None:
+    passes = Passes(4.0, -75.0, (0.0, 180.0), 0.6, 0.5)
+    survey = Survey((passes,), ranges=1, columns=2, camera=Intrinsics.pinhole(1200, 900, 1000.0))
+    try:
+        flight = fly(tmp_path / "flight", 3, "V4", survey, Silent())
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+
+    def evaluated(cache: str, progress: _Killed) -> list[TraitsEntry | None]:
+        context = Context(StageCache(tmp_path / cache), progress)
+        report = evaluate_flight(flight.photographs, flight.plots, tmp_path / "out", None, context, overwrite=True)
+        return [plot.traits for plot in report.plots]
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluated("kept", _Killed(True))
+    assert not (tmp_path / "out").exists()
+    first, again = _Killed(False), _Killed(False)
+    whole, resumed = evaluated("fresh", first), evaluated("kept", again)
+    assert resumed == whole
+    assert len(whole) == 2
+    assert not any("kept" in note for note in first.notes)
+    assert any("kept" in note for note in again.notes)
