@@ -49,6 +49,8 @@ _WIDE = 0.85
 """Focal length from which a lens is narrow, in widths of the picture."""
 _MOST = 12
 """Patterns of a front."""
+_ALIKE = 1.1
+"""Factor of the least errors up to which measurements hardly tell patterns apart."""
 _BLOCKS = 2
 """Number of blocks that evaluations are on in turn."""
 _BLOCK_SEED = 5000
@@ -210,7 +212,12 @@ def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> 
 
 
 def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle) -> FrontPattern:
-    """The pattern of a front that is asked for. Raises UsageError: none keeps it."""
+    """The pattern of a front that is asked for: the fastest one with such errors, or with hardly larger ones than the
+    best one in the time has.
+
+    Raises:
+        UsageError: none keeps it.
+    """
     if asked.height_error_m is not None:
         kept = [each for each in front if each.height_m <= asked.height_error_m]
         if kept:
@@ -228,4 +235,4 @@ def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle
             f"no pattern covers the field in {minutes:.1f} min; the fastest takes {front[0].minutes:.1f}",
             remedy="Give more --minutes, or plan parts of the field.",
         )
-    return kept[-1]
+    return next(each for each in kept if each.errors_m <= _ALIKE * kept[-1].errors_m)

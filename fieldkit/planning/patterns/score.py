@@ -43,10 +43,9 @@ PHASES = ((0.0, 0.0), (0.5, 0.5))
 
 
 WEIGHTS = (0.07, 4.0, 0.0)
-"""Of gap, noise and ties in the objective's value: fitted on 13 evaluations of eleven patterns over two blocks at
-V10, from 8 to 13 m (docs/benchmarks.md). Points miss by more than in sets from near; what none shows is in the rest."""
-REST_M = 0.020
-"""What these leave of the value to any pattern, metres."""
+"""Of gap, noise and ties in the objective's value, to which what no photograph shows adds as much for all patterns of a
+stage: fitted on 15 evaluations at V6, V10 and V14, from 8 to 14 m (docs/benchmarks.md). Points miss by more than in
+sets from near."""
 
 
 class Expectation(NamedTuple):

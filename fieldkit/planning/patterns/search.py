@@ -9,7 +9,7 @@ import numpy as np
 from fieldkit.arrays import FloatArray
 from fieldkit.errors import UsageError
 from fieldkit.planning.methods.bosfm import moved
-from fieldkit.planning.patterns.score import REST_M, WEIGHTS
+from fieldkit.planning.patterns.score import WEIGHTS
 from fieldkit.planning.patterns.space import SIZE, PatternSpace
 from fieldkit.planning.score.cost_model import LEAST_M, fit_slopes
 from fieldkit.planning.surrogate.set_process import COLUMNS, NO_PLOT, TERMS, SetProcess, fit_sets
@@ -67,10 +67,10 @@ class PatternSearch:
         return self._bosfm() if method == "bosfm" else self._field()
 
     def expected_m(self, codes: Sequence[FloatArray]) -> FloatArray:
-        """(n,) values: by the score, and by a process about it where there are evaluations."""
+        """(n,) values: by a process about the score; where nothing is evaluated the score, which orders patterns."""
         inputs = self._inputs(codes)
         if not self.codes:
-            return np.asarray(np.exp(-inputs[:, TERMS]) @ WEIGHTS + REST_M)
+            return np.asarray(np.exp(-inputs[:, TERMS]) @ WEIGHTS)
         return np.asarray(np.exp(-self._process().moments(inputs)[0]))
 
     def _field(self) -> FloatArray:

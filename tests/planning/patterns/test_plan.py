@@ -34,12 +34,15 @@ def asked(plots: Path, **more: object) -> TrialSettings:
     return TrialSettings.model_validate({"trial": plots, "stage": "V10", **more})
 
 
-def test_the_plan_is_the_best_pattern_of_the_front_in_the_minutes_that_there_are(plots: Path, tmp_path: Path) -> None:
+def test_the_plan_is_the_fastest_pattern_of_the_front_that_is_as_good_as_any_in_the_minutes(
+    plots: Path, tmp_path: Path
+) -> None:
     made = plan_trial(tmp_path / "plan", asked(plots, minutes=5.0), VEHICLE)
     within = [each for each in made.front if each.minutes <= 5.0]
     assert made.plots == 40
     assert 1 < len(made.front) <= 12
-    assert made.chosen is min(within, key=lambda each: each.errors_m)
+    least_m = min(each.errors_m for each in within)
+    assert made.chosen is next(each for each in made.front if each.errors_m <= 1.1 * least_m)
     assert load_plan(tmp_path / "plan", patterns=True).pattern == made.chosen.worth.pattern
     with (tmp_path / "plan" / FRONT_FILE).open() as lines:
         assert len(list(csv.DictReader(lines))) == len(made.front)
