@@ -12,9 +12,10 @@ from fieldkit.reconstruction.evidence import FINEST_M
 from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.pattern import Pattern
 
-_OF_PIXEL = 20.0
-"""Error of a plot's 99th percentile of height in pixels of the finest photographs at the plants, of those that dense
-stereo takes: tips of leaves are lost. Fitted on eleven patterns over two blocks at V10 (docs/benchmarks.md)."""
+_OF_PIXEL = 9.0
+"""Error of a plot's 99th percentile of height, root mean square, in pixels of the finest photographs at the plants, of
+those that dense stereo takes, for every metre of plants: tips of leaves sway and are lost. Fitted on 18 evaluations at
+V6, V10 and V14 (docs/benchmarks.md)."""
 
 
 class PatternWorth(Strict):
@@ -75,7 +76,7 @@ def over(worth: PatternWorth, space: PatternSpace, field: shapely.Polygon, rows_
     """A pattern over a field, as fast as the vehicle may fly it."""
     pattern = space.flyable(worth.pattern)
     seconds, photographs = space.seconds(pattern, field, rows_deg)
-    height_m = worth.height_m or _OF_PIXEL * max(space.pixel_m(pattern), FINEST_M)
+    height_m = worth.height_m or _OF_PIXEL * space.plants_m * max(space.pixel_m(pattern), FINEST_M)
     return FrontPattern(worth.model_copy(update={"pattern": pattern}), seconds / 60.0, photographs, height_m)
 
 

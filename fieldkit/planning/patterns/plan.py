@@ -45,8 +45,8 @@ from fieldkit.wording import count
 FRONT_FILE = "front.csv"
 _MAX_BYTES = 1 << 20
 """Largest file of patterns, bytes."""
-_WIDE = 0.85
-"""Focal length from which a lens is narrow, in widths of the picture."""
+_FOCAL_PX = 3871.0
+"""Focal length of the camera that shipped patterns were measured with, pixels."""
 _MOST = 12
 """Patterns of a front."""
 _ALIKE = 1.1
@@ -59,13 +59,11 @@ _REMEDY = "`fieldkit plan --help` explains the options."
 
 
 class StagePatterns(Strict):
-    """Patterns for a growth stage and a class of lenses."""
+    """Patterns for a growth stage."""
 
     stage: Stage
     plants_m: Length
     """Height of the plants."""
-    wide: bool
-    """Whether the lens is."""
     patterns: tuple[PatternWorth, ...]
 
 
@@ -123,7 +121,7 @@ def plan_trial(
     context = context or Context()
     kind = shipped_patterns(asked.stage, plants_m, flyer)
     field = shapely.MultiPoint(corners).convex_hull
-    space = PatternSpace(flyer, plants_m or kind.plants_m)
+    space = PatternSpace(flyer, kind.plants_m)
     worths, stage = kind.patterns, kind.stage
     if evaluations:
         method_entry(method)
@@ -197,10 +195,12 @@ def _searched(
 
 
 def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> StagePatterns:
-    """Those that come with fieldkit for a stage, the nearest one where there are none, and a vehicle's lens."""
+    """Those that come with fieldkit for a stage, or the nearest one, over plants of a height (0: the stage's).
+
+    Heights above the plants and spacings are such that angles between photographs and pixels on the plants are those
+    that were measured. Raises UsageError: neither stage nor height is known.
+    """
     file = shipped_folder("missions/patterns") / "maize.json"
-    wide = vehicle.camera.fx < _WIDE * vehicle.camera.width
-    kinds = [k for k in read_model(ShippedPatterns, "patterns", file, "", max_bytes=_MAX_BYTES).kinds if k.wide == wide]
     if stage is None and not plants_m:
         raise UsageError("how high are the plants?", remedy="Give --stage, or the plots' plant_height_m.")
     stages = get_args(Stage)
@@ -208,7 +208,20 @@ def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> 
     def away(kind: StagePatterns) -> float:
         return abs(kind.plants_m - plants_m) if stage is None else abs(stages.index(kind.stage) - stages.index(stage))
 
-    return min(kinds, key=away)
+    kind = min(read_model(ShippedPatterns, "patterns", file, "", max_bytes=_MAX_BYTES).kinds, key=away)
+    there_m, scale = plants_m or kind.plants_m, vehicle.camera.fx / _FOCAL_PX
+
+    def fitted(worth: PatternWorth) -> PatternWorth:
+        pattern = worth.pattern
+        moved = replace(
+            pattern,
+            height_m=round(there_m + scale * (pattern.height_m - kind.plants_m), 1),
+            along_m=round(scale * pattern.along_m, 2),
+            between_m=round(scale * pattern.between_m, 2),
+        )
+        return worth.model_copy(update={"pattern": moved})
+
+    return kind.model_copy(update={"plants_m": there_m, "patterns": tuple(map(fitted, kind.patterns))})
 
 
 def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle) -> FrontPattern:

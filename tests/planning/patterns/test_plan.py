@@ -4,13 +4,15 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fieldkit.errors import UsageError
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.planning.patterns.plan import FRONT_FILE, plan_trial
+from fieldkit.planning.patterns.plan import FRONT_FILE, plan_trial, shipped_patterns
 from fieldkit.planning.plan_settings import TrialSettings
 from fieldkit.results.plan_file import load_plan
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 VEHICLE = "dji-mavic-3-enterprise"
 
@@ -60,3 +62,17 @@ def test_what_cannot_be_is_refused(plots: Path, tmp_path: Path) -> None:
         plan_trial(tmp_path / "plan", asked(plots, minutes=0.2), VEHICLE)
     with pytest.raises(UsageError, match=r"how high are the plants"):
         plan_trial(tmp_path / "plan", asked(plots, stage=None), VEHICLE)
+
+
+@pytest.mark.parametrize("vehicle", ["dji-mavic-3-enterprise", "ardupilot-pan"])
+def test_patterns_over_other_plants_and_by_other_lenses_keep_pixels_and_angles(vehicle: str) -> None:
+    def told(name: str, plants_m: float) -> list[tuple[float, float, float]]:
+        flyer = load_vehicle(name)
+        patterns = [worth.pattern for worth in shipped_patterns("V10", plants_m, flyer).patterns]
+        above = [pattern.height_m - (plants_m or 1.33) for pattern in patterns]
+        return [
+            (1000.0 * a / flyer.camera.fx, pattern.along_m / a, pattern.between_m / a)
+            for pattern, a in zip(patterns, above, strict=True)
+        ]
+
+    np.testing.assert_allclose(told(vehicle, 1.8), told("ardupilot-pitch", 0.0), rtol=0.02)
