@@ -191,6 +191,16 @@ def turn_seconds(from_deg: float | None, to_deg: float, speeds: Speeds) -> float
     return float(turns_s(180.0 if from_deg is None else to_deg - from_deg, speeds))
 
 
+def held_s(turn_s: float, way: Leg) -> float:
+    """Whole seconds that an ArduPilot has to stand at the end of a way for a turn that begins with it.
+
+    0 where the turn is over before. A beginning that is passed makes the way up to half a ramp shorter, and so does an
+    end.
+    """
+    late_s = turn_s - way.curve_s + way.ramp_s / 2.0
+    return max(1.0, math.ceil(late_s)) if late_s > -way.ramp_s / 2.0 else 0.0
+
+
 def turns_s(turns_deg: ArrayLike, speeds: Speeds) -> FloatArray:
     """Seconds of turns, degrees in either direction, the shorter way around; 0 where there is none."""
     turns = np.abs(wrapped_deg(np.asarray(turns_deg, dtype=np.float64)))

@@ -204,9 +204,12 @@ def _seconds(lines: Sequence[Line], vehicle: Vehicle, speed_mps: float) -> tuple
     steps = np.diff(np.concatenate([line.ends_m for line in lines]), axis=0).tolist()
     ways = [motion.leg(math.hypot(east, north), up, vehicle.speeds, speed_mps) for east, north, up in steps]
     turns = motion.turns_s(np.diff([line.yaw_deg for line in lines]), vehicle.speeds).tolist()
-    waits = [max(0.0, turn_s - way.seconds) for turn_s, way in zip(turns, ways[1::2], strict=True)]
-    if vehicle.dialect == "ardupilot":
-        waits = [math.ceil(wait) for wait in waits]
+    passes_ends = vehicle.dialect == "ardupilot"
+    waits = [
+        motion.held_s(turn_s, way) if passes_ends else max(0.0, turn_s - way.seconds)
+        for turn_s, way in zip(turns, ways[1::2], strict=True)
+    ]
+    if passes_ends:
         for k, (before, after) in enumerate(pairwise(steps)):
             if k % 2 == 0 or waits[k // 2] == 0.0:
                 turn_cos = motion.turn_cosine(before, after)

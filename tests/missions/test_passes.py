@@ -195,6 +195,35 @@ def test_every_photograph_is_foretold_and_where_the_pattern_wants_one(
             assert apart.min(axis=0).max() < along + 0.25
 
 
+@given(
+    heading=st.floats(0.0, 359.0),
+    along=st.floats(0.5, 1.5),
+    between=st.floats(1.0, 4.0),
+    offset=st.floats(0.0, 1.0),
+    speed=st.floats(0.3, 5.0),
+)
+@settings(max_examples=3, deadline=None)
+@pytest.mark.parametrize("vehicle", ["ardupilot-pitch", "px4-gimbal"])
+def test_long_lines_to_and_fro_lose_no_photograph(tmp_path_factory, vehicle, heading, along, between, offset, speed):
+    """None where a turn is not over in time, and none by distances that are noticed late, again and again."""
+    pattern = Pattern(
+        (Look(heading, -80.0), Look((heading + 180.0) % 360.0, -60.0)), 9.0, along, between, offset, speed
+    )
+    profile, site = load_vehicle(vehicle), field(1, 20)
+    profile = profile.model_copy(update={"trigger": profile.trigger.model_copy(update={"passing": "distance"})})
+    done, record = exported(tmp_path_factory.mktemp("passes"), site, profile, plan=Plan(fieldkit="0", pattern=pattern))
+    frame = SiteFrame(site.home)
+    for routed, flight in zip(done.routed.flights, record.flights, strict=True):
+        planned = routed.mission.passings
+        for line in {shot.line for shot in planned}:
+            wanted, taken = (
+                frame.points([shot.place for shot in shots if shot.line == line])
+                for shots in (planned, flight.passings)
+            )
+            assert 0 <= len(taken) - len(wanted) <= 1
+            assert np.linalg.norm(wanted - taken[: len(wanted)], axis=1).max() < 0.4
+
+
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0001, 250.0])
 def test_a_simulated_flight_takes_the_photographs_that_its_mission_foresees(tmp_path, heading_deg):
     scene = replace(new_trial(TrialDescription(ranges=2, columns=3)), row_heading_deg=heading_deg)

@@ -254,17 +254,17 @@ def _roi(item: MissionItem, craft: Craft) -> Effects | None:
     return (Aim(GeoPoint(latitude, longitude, craft.height_m(item.frame, altitude))),)
 
 
-_LOOK_S = 0.02
-"""An ArduPilot looks for photographs that are due 50 times a second (AP_Camera_Backend::update)."""
-_PX4_LOOK_S = 0.05
-"""Time between a PX4's looks at the distance flown (CameraTrigger::Run)."""
+LOOK_LAG_S: Mapping[str, float] = {"ardupilot": 0.01, "px4": 0.025}
+"""By how much a photograph that is due comes late in the mean: half the time between looks. An ArduPilot looks 50
+times a second (AP_Camera_Backend::update), a PX4 20 times at the distance flown (CameraTrigger::Run).
+"""
 
 
 def _by_distance(item: MissionItem, craft: Craft) -> Effects:
     """The first one at once where parameter 3 says so; a PX4's always is (CameraTrigger::update_distance)."""
     metres, at_once, px4 = item.params[0], item.params[2] > 0.0, craft.autopilot.in_order
     if metres > 0.0:
-        return (Repeat(metres, "m", at_once=at_once or px4, lag_s=(_PX4_LOOK_S if px4 else _LOOK_S) / 2.0),)
+        return (Repeat(metres, "m", at_once=at_once or px4, lag_s=LOOK_LAG_S["px4" if px4 else "ardupilot"]),)
     return (Cease("m"), Shoot()) if at_once else (Cease("m"),)
 
 
@@ -276,7 +276,7 @@ def _start_capture(item: MissionItem, craft: Craft) -> Effects | None:
         return (Shoot(),)
     if not every > 0.0:
         return None
-    return (Repeat(every, "s", int(_seconds(number)), lag_s=_LOOK_S / 2.0 if ardupilot else 0.0),)
+    return (Repeat(every, "s", int(_seconds(number)), lag_s=LOOK_LAG_S["ardupilot"] if ardupilot else 0.0),)
 
 
 def _by_time(item: MissionItem, _craft: Craft) -> Effects:

@@ -29,10 +29,11 @@ from typing import Literal
 from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.autopilots.acceptance import check_items
+from fieldkit.missions.autopilots.effects import LOOK_LAG_S
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
 from fieldkit.missions.items import Command, Frame, MissionItem
 from fieldkit.routing.mission import GeoPoint, Mission, Passing, Shot
-from fieldkit.routing.motion import leg, turn_seconds
+from fieldkit.routing.motion import held_s, leg, turn_seconds
 from fieldkit.vehicles.vehicle import Vehicle
 
 LEAST_EXPOSURE_S = 0.5
@@ -111,21 +112,24 @@ def _ardupilot_on_line(point: RoutePoint, mission: Mission, vehicle: Vehicle, tu
     Waypoints without a hold are passed. What stands behind one is carried out as it is reached.
     """
     yaw = action(Command.CONDITION_YAW, heading(point.yaw_deg))
-    hold = math.ceil(turning_s - 1e-9) if point.part == "first" else 0
-    place = _ardupilot_waypoint(point.place, vehicle, hold)
+    place = _ardupilot_waypoint(point.place, vehicle, turning_s)
     if point.part == "last":
         return [place, _cease(mission)]
     if point.part == "inner":
         return [place, yaw]
     mount = action(Command.DO_MOUNT_CONTROL, round(point.pitch_deg, 3), p7=_TARGETING)
-    return [*([] if vehicle.mount.kind == "fixed" else [mount]), yaw, place, yaw, _repeat(mission)]
+    return [*([] if vehicle.mount.kind == "fixed" else [mount]), yaw, place, yaw, _repeat(mission, vehicle)]
 
 
-def _repeat(mission: Mission) -> MissionItem:
-    """Photographs from here on, the first one at once."""
+def _repeat(mission: Mission, vehicle: Vehicle) -> MissionItem:
+    """Photographs from here on, the first one at once.
+
+    A distance is less by what is flown until it is noticed: what is late adds up, and a line would lose its last ones.
+    """
     if mission.every_s > 0.0:
         return action(Command.IMAGE_START_CAPTURE, 0.0, round(mission.every_s, 3))
-    return action(Command.DO_SET_CAM_TRIGG_DIST, round(mission.spacing_m, 3), 0.0, 1.0)
+    late_m = LOOK_LAG_S[vehicle.dialect] * mission.speed_mps
+    return action(Command.DO_SET_CAM_TRIGG_DIST, round(mission.spacing_m - late_m, 3), 0.0, 1.0)
 
 
 def _cease(mission: Mission) -> MissionItem:
@@ -154,7 +158,7 @@ def _shutter(vehicle: Vehicle) -> MissionItem:
     )
 
 
-def _ardupilot_waypoint(place: GeoPoint, _vehicle: Vehicle, hold_s: int = LEAST_HOLD_S) -> MissionItem:
+def _ardupilot_waypoint(place: GeoPoint, _vehicle: Vehicle, hold_s: float = LEAST_HOLD_S) -> MissionItem:
     return position(Command.NAV_WAYPOINT, place, (float(hold_s), 0.0, 0.0, 0.0))
 
 
@@ -191,7 +195,7 @@ def _px4_photograph(shot: Shot, mission: Mission, vehicle: Vehicle, _turning_s: 
 def _px4_on_line(point: RoutePoint, mission: Mission, vehicle: Vehicle, _turning_s: float) -> list[MissionItem]:
     place = position(Command.NAV_WAYPOINT, point.place, (0.0, vehicle.acceptance_m, 0.0, heading(point.yaw_deg)))
     if point.part == "first":
-        return [*_px4_turn(point.pitch_deg, vehicle), place, _repeat(mission)]
+        return [*_px4_turn(point.pitch_deg, vehicle), place, _repeat(mission, vehicle)]
     return [place, _cease(mission)] if point.part == "last" else [place]
 
 
@@ -305,7 +309,8 @@ def unfinished_turns(points: Sequence[RoutePoint], mission: Mission, vehicle: Ve
         wait = 0.0
         if point.shot is not None or point.part == "first":
             way = leg(math.hypot(*(b - a)[:2]), float((b - a)[2]), vehicle.speeds, mission.speed_mps)
-            wait = max(0.0, turn_seconds(yaw, point.yaw_deg, vehicle.speeds) - way.seconds)
+            turn_s = turn_seconds(yaw, point.yaw_deg, vehicle.speeds)
+            wait = max(0.0, turn_s - way.seconds) if point.part is None else held_s(turn_s, way)
             yaw = point.yaw_deg
         left.append(wait)
         before = point.place
