@@ -46,9 +46,10 @@ _LAYER_M = 0.05
 """Thickness of the layers in which points that float are told, and edge of the cells that leaves' plants are told by,
 metres."""
 _EMPTY_M = 0.25
-"""Height of hardly any points above which what there is floats, metres."""
-_FLOATING = 3e-4
-"""Share of the points that it holds at most: of half a million in a plot at V14 a leaf's 10 cm²."""
+"""Height of few points above which what there is floats, metres: no plant has so much of its stem without a leaf."""
+_FLOATING = 2e-3
+"""Share of the points that it holds at most: of half a million in a plot 58 cm² of leaves. Swarms above blocks at V14
+and R1 leave 1e-4 to 1.7e-3."""
 _ABOUT_M = 0.5
 """Reach about a place within which the plants that a leaf is of have most of their canopy, metres: 0.4 to 0.6 give the
 same on the tuning block at V10."""
@@ -210,11 +211,15 @@ def stands_in(points: FloatArray, outline: Outline) -> BoolArray:
     return np.asarray((2 * own >= about)[of_point])
 
 
-def floats_from_m(heights: FloatArray) -> float:
-    """Height above which points (n,) float: over `_EMPTY_M` of hardly any points no leaf reaches down to the canopy.
+def floats_from_m(heights: FloatArray, cut_m: float = math.inf) -> float:
+    """Height above which points (n,) float: over `_EMPTY_M` of few points no leaf reaches down to the canopy.
 
-    Of such gaps above the fullest layer the lowest one counts, from where it has fewest points.
+    Of such gaps above the fullest layer the lowest one counts, where it has fewest points.
+
+    Args:
+        cut_m: height that points were taken up to: what is just below it goes on above.
     """
+    heights = np.append(heights, heights[heights > cut_m - _EMPTY_M] + _EMPTY_M)
     layers = np.maximum(np.floor(heights / _LAYER_M).astype(np.int64), 0)
     counts, gap = np.bincount(layers), round(_EMPTY_M / _LAYER_M)
     within = np.convolve(counts, np.ones(gap))[gap - 1 :]

@@ -119,9 +119,10 @@ class PlacedPlot:
             others = tuple(finding for finding in found.sparse.findings if finding.code != VOLUME_CUTS_PLANTS)
             if len(others) == len(found.sparse.findings):
                 break
-            if floats_from_m(found.plants.points[:, 2] - lower[2]) < upper - lower[2] - _NEAR_TOP_M:
+            cut_m = upper - lower[2]
+            if floats_from_m(found.plants.points[:, 2] - lower[2], cut_m) < cut_m - _NEAR_TOP_M:
                 return replace(found, sparse=replace(found.sparse, findings=others))
-            top = lower[2] + min(_RAISE * (upper - lower[2]), _BELOW_CAMERAS * (cameras - lower[2]))
+            top = lower[2] + min(_RAISE * cut_m, _BELOW_CAMERAS * (cameras - lower[2]))
             if top <= upper or raised == _MOST_RAISES:
                 break
             found = reconstruct_placed(self.sparse, Volume(lower, (x, y, top)), settings, context)

@@ -131,4 +131,8 @@ def test_what_floats_over_an_empty_layer_is_no_canopy() -> None:
     assert floats_from_m(np.concatenate([canopy_m, tip_m, clumps])) == pytest.approx(1.65, abs=0.04)
     assert floats_from_m(np.concatenate([canopy_m, tip_m])) >= tip_m.max()
     swarm_m = 1.6 + 1.4 * rng.uniform(0.0, 1.0, 3_000) ** 0.25
-    assert floats_from_m(np.concatenate([canopy_m, tip_m[tip_m < 1.6], swarm_m])) == pytest.approx(1.65, abs=0.06)
+    both_m = np.concatenate([canopy_m, tip_m[tip_m < 1.6], swarm_m])
+    assert floats_from_m(both_m) == pytest.approx(1.65, abs=0.06)
+    # Cut off in the swarm, what floats is told; cut off in the canopy, plants go on.
+    assert floats_from_m(both_m[both_m < 2.2], 2.2) == pytest.approx(1.65, abs=0.06)
+    assert floats_from_m(both_m[both_m < 1.3], 1.3) >= 1.3
