@@ -225,14 +225,14 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
         return any((folder / name).is_file() for name in _RESULTS) or folder.resolve() == own
 
     found = find_photographs(captures, skip=skip, progress=progress)
-    outer = _outer(campaign.folder, captures)
+    outer, plans = _outer(campaign.folder, captures), [campaign.carried_plan(plot.name) for plot in campaign.plots]
     shots = [PhotoToSort(each.place, each.photo, (*outer, *each.folders)) for each in found.photos]
-    sorting = sort_photographs(shots, campaign.plots, campaign.plan)
+    sorting = sort_photographs(shots, campaign.plots, plans)
     keys = [(visit.plot, visit.date) for visit in sorting.visits]
     earlier = earlier_photographs(campaign.folder, keys, visits, found.photos)
     if earlier:
         shots += [PhotoToSort(each.place, each.photo, belongs=belongs) for each, belongs in earlier]
-        sorting = sort_photographs(shots, campaign.plots, campaign.plan)
+        sorting = sort_photographs(shots, campaign.plots, plans)
         found = replace(found, photos=(*found.photos, *(each for each, _ in earlier)))
     if not sorting.visits:
         first = sorting.left_out[0]
@@ -240,7 +240,7 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
             f"of {count(len(found.photos), 'photograph')} none could be sorted into a plot "
             f"({first.subject}: {first.message})",
             path=captures,
-            remedy="Put them into folders PLOT/DATE, or check the plots of the campaign.",
+            remedy="Put them into folders PLOT/DATE, give --shared, or check the plots of the campaign.",
         )
     return found, sorting
 

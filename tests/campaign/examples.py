@@ -71,24 +71,19 @@ def flown(
     *,
     start: datetime = MORNING,
     folder: str = "DCIM",
-    noise_m: float = 0.0,
     angles: bool = True,
     accuracy_m: float = 0.015,
-    plan: Plan = PLAN,
-    seed: int = 0,
 ) -> list[PhotoToSort]:
     """The plan's photographs of a plot as a vehicle tags them, four seconds apart."""
-    rng = np.random.default_rng(seed)
     heading = np.radians(plot.row_heading_deg)
     s, c = np.sin(heading), np.cos(heading)
     frame = LocalFrame(plot.latitude_deg, plot.longitude_deg, 81.0, "ellipsoid")
     turn = np.array([[s, -c, 0.0], [c, s, 0.0], [0.0, 0.0, 1.0]])
     shots = []
-    for k, station in enumerate(plan.stations):
-        place = turn @ np.array(station.position_m) + rng.normal(0, noise_m, 3) * (1, 1, 0)
+    for k, station in enumerate(PLAN.stations):
+        place = turn @ np.array(station.position_m)
         latitude, longitude, altitude = (float(v[0]) for v in frame.to_geodetic(place))
-        pose = Pose(station.pose.rotation @ turn.T, place)
-        yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+        yaw, pitch, _ = Pose(station.pose.rotation @ turn.T, place).yaw_pitch_roll_deg()
         tag = GeoTag(latitude, longitude, altitude, "ellipsoid", horizontal_accuracy_m=accuracy_m)
         taken = start + timedelta(seconds=4 * k)
         name = f"{folder}/{plot.name}-{start:%m%d%H%M}-{k}.jpg"

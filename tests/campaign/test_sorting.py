@@ -1,17 +1,23 @@
 """Photographs into plots and dates."""
 
-from dataclasses import replace
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.campaign.sorting import PhotoToSort, Sorting, folder_date, sort_photographs
 from fieldkit.captures.model import GeoTag
 from tests.campaign.examples import MORNING, PLAN, field, flown, photo
 
 FIELD = field(3, 4)
+FAR = FIELD[0].model_copy(update={"name": "elsewhere", "latitude_deg": 52.3})
+
+
+def sorted_into(shots: Sequence[PhotoToSort], plots: Sequence[CampaignPlot] = FIELD) -> Sorting:
+    return sort_photographs(shots, plots, [PLAN] * len(plots))
 
 
 def codes(sorting: Sorting) -> list[str]:
@@ -22,61 +28,59 @@ def counts(sorting: Sorting) -> dict[tuple[str, str], int]:
     return {(visit.plot, visit.date): len(visit.places) for visit in sorting.visits}
 
 
-@pytest.mark.parametrize("noise_m", [0.0, 0.05])
-def test_a_flight_over_plots_side_by_side(noise_m: float) -> None:
-    shots = [
-        shot
-        for k, plot in enumerate(FIELD)
-        for shot in flown(plot, start=MORNING + timedelta(minutes=k), noise_m=noise_m, seed=k)
-    ]
-    found = sort_photographs(shots, FIELD, PLAN)
+def test_a_flight_over_plots_side_by_side() -> None:
+    shots = [shot for k, plot in enumerate(FIELD) for shot in flown(plot, start=MORNING + timedelta(minutes=k))]
+    found = sorted_into(shots)
     assert counts(found) == {(plot.name, "2026-06-18"): 8 for plot in FIELD}
     assert [visit.plot for visit in found.visits] == [plot.name for plot in FIELD]
-    for visit in found.visits:
-        assert all(visit.plot in place for place in visit.places)
+    assert all(visit.plot in place for visit in found.visits for place in visit.places)
     assert codes(found) == []
 
 
 def test_far_photographs_are_named_and_not_dropped() -> None:
-    far = FIELD[0].model_copy(update={"name": "elsewhere", "latitude_deg": FIELD[0].latitude_deg + 0.01})
-    found = sort_photographs([*flown(FIELD[0]), *flown(far)], FIELD, PLAN)
+    found = sorted_into([*flown(FIELD[0]), *flown(FAR)])
     assert counts(found) == {("r1c1", "2026-06-18"): 8}
     assert codes(found) == ["far-from-plots"] * 8
-    assert "m from what the plan photographs on" in found.left_out[0].message
+    assert "m from r3c1, the nearest plot" in found.left_out[0].message
 
 
-def test_a_photograph_without_a_tag_goes_with_those_around_it() -> None:
-    shots = flown(FIELD[0])
-    shots[3] = replace(shots[3], photo=replace(shots[3].photo, geotag=None))
-    found = sort_photographs(shots, FIELD, PLAN)
-    assert counts(found) == {("r1c1", "2026-06-18"): 8}
-    assert codes(found) == ["sorted-by-neighbours"]
-    # At the end of a flight nothing says that it still belongs to that plot.
-    shots = flown(FIELD[0])
-    shots[7] = replace(shots[7], photo=replace(shots[7].photo, geotag=None))
-    found = sort_photographs(shots, FIELD, PLAN)
-    assert counts(found) == {("r1c1", "2026-06-18"): 7}
-    assert codes(found) == ["no-plot"]
+@pytest.mark.parametrize(
+    ("spacing_m", "angles", "accuracy_m", "told"),
+    [(4.0, True, 1.0, True), (1.5, True, 1.0, False), (4.0, False, 0.015, True), (1.5, False, 0.015, False)],
+)
+def test_plots_too_near_for_their_geotags(spacing_m, angles, accuracy_m, told) -> None:
+    plots = field(2, 1, spacing_m=(6.0, spacing_m))
+    found = sorted_into(flown(plots[0], angles=angles, accuracy_m=accuracy_m), plots)
+    assert [visit.plot for visit in found.visits] == ["r1c1"] * told
+    assert codes(found) == ["ambiguous-plot"] * 8 * (not told)
+
+
+def test_halfway_between_plots() -> None:
+    plots = field(2, 1, spacing_m=(6.0, 4.0))
+    tag = GeoTag(sum(plot.latitude_deg for plot in plots) / 2, plots[0].longitude_deg, rtk=True)
+    (finding,) = sorted_into([PhotoToSort("1.jpg", photo("1.jpg", geotag=tag))], plots).left_out
+    assert "4.0 m from it: sort photographs into folders" in finding.message
+
+
+def test_a_photograph_without_a_tag_is_of_the_only_plot() -> None:
+    shot = PhotoToSort("1.jpg", photo("1.jpg", captured_at=MORNING))
+    assert counts(sorted_into([shot], FIELD[:1])) == {("r1c1", "2026-06-18"): 1}
+    assert codes(sorted_into([shot])) == ["no-plot"]
 
 
 @pytest.mark.parametrize("folders", ["r2c3/2026-07-02", "20260702/R2C3", "x/2026-07-02/r2c3/DCIM"])
 def test_folders_say_plot_and_date(folders: str) -> None:
-    shots = [
-        replace(shot, photo=replace(shot.photo, geotag=None, captured_at=None))
-        for shot in flown(FIELD[0], folder=folders)
-    ]
-    found = sort_photographs(shots, FIELD, PLAN)
-    assert counts(found) == {("r2c3", "2026-07-02"): 8}
+    found = sorted_into([PhotoToSort("1.jpg", photo("1.jpg"), tuple(folders.split("/")))])
+    assert counts(found) == {("r2c3", "2026-07-02"): 1}
     assert codes(found) == []
 
 
 def test_contradictions_between_folders_and_tags_are_findings() -> None:
-    found = sort_photographs(flown(FIELD[0], folder="r2c2/2026-07-02"), FIELD, PLAN)
+    found = sorted_into(flown(FIELD[0], folder="r2c2/2026-07-02"))
     assert counts(found) == {("r2c2", "2026-07-02"): 8}
     assert sorted(codes(found)) == ["date-contradicts-clock", "plot-contradicts-geotag"]
     assert all("8 photographs" in finding.message for finding in found.findings)
-    far = FIELD[0].model_copy(update={"latitude_deg": FIELD[0].latitude_deg + 0.01})
-    found = sort_photographs(flown(far, folder="r1c1"), FIELD, PLAN)
+    found = sorted_into(flown(FAR, folder="r1c1"))
     assert counts(found) == {("r1c1", "2026-06-18"): 8}
     assert codes(found) == ["plot-contradicts-geotag"]
 
@@ -84,16 +88,16 @@ def test_contradictions_between_folders_and_tags_are_findings() -> None:
 def test_dates_by_the_cameras_clock() -> None:
     plot = FIELD[5]
     later = flown(plot, start=datetime(2026, 6, 25, 9, 0))
-    found = sort_photographs([*flown(plot), *later], FIELD, PLAN)
+    found = sorted_into([*flown(plot), *later])
     assert counts(found) == {(plot.name, "2026-06-18"): 8, (plot.name, "2026-06-25"): 8}
 
 
 def test_a_reflight_adds_up_and_another_pass_does_not() -> None:
     plot = FIELD[5]
     again = flown(plot, start=MORNING + timedelta(minutes=40))[:3]
-    assert counts(sort_photographs([*flown(plot), *again], FIELD, PLAN)) == {(plot.name, "2026-06-18"): 11}
+    assert counts(sorted_into([*flown(plot), *again])) == {(plot.name, "2026-06-18"): 11}
     afternoon = flown(plot, start=MORNING + timedelta(hours=6))[:5]
-    found = sort_photographs([*flown(plot), *afternoon], FIELD, PLAN)
+    found = sorted_into([*flown(plot), *afternoon])
     assert counts(found) == {(plot.name, "2026-06-18"): 8}
     assert codes(found) == ["another-pass"] * 5
     assert "from 09:00" in found.visits[0].notes[0]
@@ -134,12 +138,9 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
     for k, (folder, place, taken, yaw, pitch) in enumerate(rows):
         tag = None if place is None else GeoTag(*place)
         name = f"{folder}/{k}.jpg"
-        shots.append(
-            PhotoToSort(
-                name, photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch), tuple(folder.split("/"))
-            )
-        )
-    found = sort_photographs(shots, FIELD, PLAN)
+        said = photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch)
+        shots.append(PhotoToSort(name, said, tuple(folder.split("/"))))
+    found = sorted_into(shots)
     sorted_ = [place for visit in found.visits for place in visit.places] + [f.subject for f in found.left_out]
     assert sorted(sorted_) == sorted(shot.place for shot in shots)
 
@@ -157,18 +158,6 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
 )
 def test_dates_are_those_of_the_place(longitude_deg: float, ahead_h: float | None, date: str) -> None:
     ahead = None if ahead_h is None else timedelta(hours=ahead_h)
-    shots = [
-        replace(
-            each,
-            photo=replace(
-                each.photo,
-                captured_at=datetime(2026, 6, 30, 23, 20, k),
-                clock_ahead=ahead,
-                geotag=replace(each.photo.geotag, longitude_deg=longitude_deg),
-            ),
-            folders=("r1c1",),
-        )
-        for k, each in enumerate(flown(FIELD[0]))
-    ]
-    found = sort_photographs(shots, FIELD, PLAN)
-    assert counts(found) == {("r1c1", date): 8}
+    taken = datetime(2026, 6, 30, 23, 20)
+    said = photo("1.jpg", geotag=GeoTag(52.3, longitude_deg), captured_at=taken, clock_ahead=ahead)
+    assert counts(sorted_into([PhotoToSort("1.jpg", said, ("r1c1",))])) == {("r1c1", date): 1}
