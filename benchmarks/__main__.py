@@ -148,7 +148,7 @@ def command(
 
     The engine's studies are dense, evaluation and scaling (speed), few-views, references,
     subset-scores and match-decay (quality); the objective's are recorded and proxy; the planner's are simulated,
-    transfer and chosen (of recorded sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's
+    transfer and chosen (of recorded sets); missions has trips, passes, poses, uploads, routes and fuzz; campaign's
     are season, trials, patterns, field-check, plant-figures, plant-counts and score-prediction; paper's
     are tables, pose-noise, image-noise, new-plots and new-traits, all by default. FIELDKIT_DATA names the recorded
     image sets; studies that need them are skipped without it. The result holds results.json, results.md and pictures.
@@ -224,7 +224,7 @@ def command(
 
 
 def _counts(count: int) -> dict[str, int]:
-    return dict.fromkeys(("missions", "uploads", "plots", "files"), count)
+    return dict.fromkeys(("missions", "passes", "uploads", "plots", "files"), count)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

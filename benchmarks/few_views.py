@@ -109,7 +109,6 @@ class Trial:
 
 def run_few_views(data: Path, plan: Plan, *, cache: StageCache, progress: Progress) -> StudyResult:
     """Map uniform subsets of the rigs blindly and with perturbed priors."""
-    wall, cpu = time.perf_counter(), time.process_time()
     trials: list[Trial] = []
     notes = []
     for name, sizes in plan.subsets.items():
@@ -129,8 +128,6 @@ def run_few_views(data: Path, plan: Plan, *, cache: StageCache, progress: Progre
         tables=tuple(trial_tables(trials, plan.draws)),
         notes=tuple(notes),
         figures={"trials": [asdict(trial) for trial in trials]},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -80,7 +80,6 @@ class Side:
 
 def run_evaluation(data: Path | None, *, cache: StageCache, progress: Progress) -> StudyResult:
     """Run both sides on two rendered test scenes and, with the recorded sets, on two tens of basil_rig's views."""
-    wall, cpu = time.perf_counter(), time.process_time()
     results: dict[str, tuple[Side, ...]] = {}
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         for index in (0, 1):
@@ -105,8 +104,6 @@ def run_evaluation(data: Path | None, *, cache: StageCache, progress: Progress) 
         tables=(summary(results), stage_table(results)),
         notes=tuple(notes),
         figures={name: {side.name: side.as_dict() for side in sides} for name, sides in results.items()},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

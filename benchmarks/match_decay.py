@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -74,7 +73,6 @@ def run_match_decay(
         scenes: as `study_scenes` takes them.
         bases: number of places on the circle where pairs start, per scene; rigs start from every sixth photograph.
     """
-    wall, cpu = time.perf_counter(), time.process_time()
     pairs: dict[str, list[PairCount]] = {}
     if data is not None:
         for name, steps in RIGS.items():
@@ -98,8 +96,6 @@ def run_match_decay(
             "sets": [asdict(decay) for decay in decays],
             "pairs": {name: [asdict(pair) for pair in found] for name, found in pairs.items()},
         },
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -111,8 +111,8 @@ def tours(seed: int) -> list[Tour]:
 
 def route_field(plots: int, stations: int, vehicle: Vehicle, seed: int) -> Field:
     """Place a plan on many plots, route, split, check every leg, and write every flight as .plan."""
-    plan, site = _plan(stations), _site(plots)
-    route_plan(plan, vehicle, _site(2))  # compiles the kernels
+    plan, site = _plan(stations), site_of(plots)
+    route_plan(plan, vehicle, site_of(2))  # compiles the kernels
     began = time.process_time()
     routed = route_plan(plan, vehicle, site, seed=seed)
     between = time.process_time()
@@ -158,7 +158,8 @@ def _plan(stations: int) -> Plan:
     return plan_from_poses(ring(stations, 2.7, 1.5), plants=plants)
 
 
-def _site(plots: int) -> Site:
+def site_of(plots: int) -> Site:
+    """Plots in rows of 20, north-east of home."""
     home = Home(latitude_deg=50.8649, longitude_deg=6.4473)
     frame = SiteFrame(home)
     grid = [(20.0 + _EAST_M * (k % _COLUMNS), 15.0 + _NORTH_M * (k // _COLUMNS), 0.0) for k in range(plots)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -124,7 +123,6 @@ class PaperOptions:
 
 
 def _tables(options: PaperOptions, progress: Progress) -> StudyResult:
-    wall, cpu = time.perf_counter(), time.process_time()
     home = tuple(m for m in (*BASELINES, *_CARRIED[1:]) if not options.quick or m in _QUICK)
     baselines = tuple(m for m in BASELINES if not options.quick or m in _QUICK)
     planned = {case: _run(Place.scene(case), home, options, progress) for case in options.cases}
@@ -160,8 +158,6 @@ def _tables(options: PaperOptions, progress: Progress) -> StudyResult:
             place: {name: [plan.value_m for plan in plans] for name, plans in by.items()}
             for place, by in (rows_home | rows_test).items()
         },
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 
@@ -306,7 +302,6 @@ def _noise(
     name: str, title: str, axis: str, levels: Mapping[float, CaptureNoise], options: PaperOptions, progress: Progress
 ) -> StudyResult:
     """Values of carried plans by noise; clouds are aligned and scaled to the plants, so only their shape counts."""
-    wall, cpu = time.perf_counter(), time.process_time()
     methods = tuple(m for m in _CARRIED if not options.quick or m in _QUICK)
     levels = dict(list(levels.items())[:: 4 if options.quick else 1])
     draws = 2 if options.quick else max(2, options.seeds)
@@ -354,8 +349,6 @@ def _noise(
             "Clouds are moved and scaled onto the plants before they are scored. Angles go with positions, 1° at 2 cm.",
         ),
         pictures=pictures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -21,7 +21,6 @@ from fieldkit.planning.patterns.space import PatternSpace
 from fieldkit.planning.plan_settings import TrialSettings
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.results.pattern import Look, Pattern
-from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -55,7 +54,7 @@ def run_patterns(stages: Sequence[str] = (), *, work: Path, progress: Progress) 
         stages: such as V10; empty takes all.
         work: keeps what was measured for later runs.
     """
-    spent, rows, figures = Spent.now(), [], {}
+    rows, figures = [], {}
     for stage in cast(Sequence[Stage], stages or tuple(SEEDS)):
         patterns = _patterns(stage)
         files = {name: work / f"{stage}-{name.replace(' ', '-')}.json" for name in patterns}
@@ -82,8 +81,6 @@ def run_patterns(stages: Sequence[str] = (), *, work: Path, progress: Progress) 
         tables=(table,),
         notes=(_NOTE,),
         figures=figures,
-        wall_s=spent.seconds,
-        cpu_s=spent.cpu_seconds,
     )
 
 

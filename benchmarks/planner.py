@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -91,11 +90,10 @@ RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig":
 
 
 def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
-    wall, cpu = time.perf_counter(), time.process_time()
     found = {
         f"{name}, {options.cameras} cameras": _on_scene(name, _SIMULATED, options, progress) for name in options.scenes
     }
-    return _study("simulated", "Planners on simulated plots", found, _scene_notes(options), wall, cpu)
+    return _study("simulated", "Planners on simulated plots", found, _scene_notes(options))
 
 
 def _on_scene(name: str, methods: Sequence[str], options: PlannerOptions, progress: Progress) -> list[Ran]:
@@ -145,7 +143,6 @@ def _destinations(scene: str, options: PlannerOptions) -> list[str]:
 
 
 def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
-    wall, cpu = time.perf_counter(), time.process_time()
     tables, figures = [], {}
     # All of them first, so that a wrong name fails before hours of planning.
     targets = {scene: [(name, Place.scene(name)) for name in _destinations(scene, options)] for scene in options.scenes}
@@ -180,8 +177,6 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
         tables=tuple(tables),
         notes=(*_scene_notes(options), "Carried plans are evaluated at fine and fresh seeds, too."),
         figures=figures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 
@@ -189,7 +184,6 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     title = "Planners on recorded sets"
     if options.data is None:
         return StudyResult("chosen", title, skipped=NO_DATA)
-    wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, list[Ran]] = {}
     pictures: dict[str, bytes] = {}
     rests: list[ResultTable] = []
@@ -234,7 +228,7 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
             "at fine."
         ),
     )
-    study = _study("chosen", title, found, notes, wall, cpu)
+    study = _study("chosen", title, found, notes)
     return replace(study, tables=(*study.tables, *rests), pictures={**study.pictures, **pictures})
 
 
@@ -276,9 +270,7 @@ def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender
     ]
 
 
-def _study(
-    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float
-) -> StudyResult:
+def _study(name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...]) -> StudyResult:
     return StudyResult(
         name=name,
         title=title,
@@ -289,8 +281,6 @@ def _study(
             for place, runs in found.items()
         },
         pictures={f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()}))},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -31,7 +30,6 @@ def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progr
         folder: of captures; missing ones are made and kept, also for `score_prediction`.
         fitted, held_out: numbers of captures of each scene; see `designs`.
     """
-    wall, cpu = time.perf_counter(), time.process_time()
     make_captures(folder, designs(fitted, held_out), progress=progress)
     rows = compare(folder)
     return StudyResult(
@@ -44,8 +42,6 @@ def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progr
             "Refused: traits that are not to be had from the photographs, as fieldkit says.",
         ),
         figures={"captures": rows},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -87,7 +86,6 @@ def run_proxy(
         effects: camera effects of the renderings; None takes the scene file's.
         sets: names of `view_sets`; None takes all.
     """
-    wall, cpu = time.perf_counter(), time.process_time()
     rig = load_rig(data, rig_name, cache=cache, progress=progress)
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
         root, images = Path(temporary), data / rig_name / "images"
@@ -150,8 +148,6 @@ def run_proxy(
                 )
             )
         },
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

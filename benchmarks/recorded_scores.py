@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -54,7 +53,6 @@ def run_recorded(
     The truth's depth maps use no photograph that a subset may contain. Both share only the frame and the truth's poses,
     which come from mapping all photographs.
     """
-    wall, cpu = time.perf_counter(), time.process_time()
     rig = load_rig(data, rig_name, cache=cache, progress=progress)
     candidates, witnesses = split_rig(rig.names)
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
@@ -122,8 +120,6 @@ def run_recorded(
             "gap_spearman": float(spearmanr([largest_gap_deg(centers[i], centers) for i in chosen], values).statistic),
         },
         pictures={"recorded.png": png(draw_subsets(centers, shown, values, plot.volume))},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -56,7 +55,6 @@ class ReferenceResult:
 
 def run_references(data: Path, *, cache: StageCache, progress: Progress) -> StudyResult:
     """References of all recorded sets, ground included."""
-    wall, cpu = time.perf_counter(), time.process_time()
     results, pictures = [], {}
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         for name in SETS:
@@ -74,8 +72,6 @@ def run_references(data: Path, *, cache: StageCache, progress: Progress) -> Stud
         ),
         figures={"references": [asdict(result) for result in results]},
         pictures=pictures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -27,6 +27,12 @@ class ResultTable:
         if any(len(row) != len(self.columns) for row in self.rows):
             raise ValueError(f"{self.title}: every row needs {len(self.columns)} cells")
 
+    @classmethod
+    def of(cls, title: str, found: Sequence[Any]) -> ResultTable:
+        """What dataclasses of one kind hold, a row each."""
+        rows = [asdict(each) for each in found]
+        return cls(title, tuple(f"{name}>" for name in rows[0]), tuple(tuple(row.values()) for row in rows))
+
     def markdown(self) -> str:
         """The table in GitHub's Markdown, with its title as a paragraph above."""
         head = "| " + " | ".join(column.rstrip(">") for column in self.columns) + " |"

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from io import BytesIO
@@ -76,7 +75,6 @@ def run_scaling(
     data: Path, sizes: Sequence[int] = SIZES, *, scene: bool, cache: StageCache, progress: Progress
 ) -> StudyResult:
     """References of uniform subsets of basil_rig, with cold caches."""
-    wall, cpu = time.perf_counter(), time.process_time()
     rig = load_rig(data, "basil_rig", cache=cache, progress=progress)
     costs = []
     kinds = {PLANTS: ["--no-scene"], SCENE: []} if scene else {PLANTS: ["--no-scene"]}
@@ -103,8 +101,6 @@ def run_scaling(
         ),
         figures={"costs": [asdict(cost) for cost in costs], "memory_limit_bytes": MEMORY_LIMIT_BYTES},
         pictures={"cost.png": picture.getvalue()},
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import tempfile
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -95,7 +94,6 @@ def run_score_prediction(
         data: folder of the recorded sets, or None.
         fitted, held_out: captures of each scene; see `designs`.
     """
-    wall, cpu = time.perf_counter(), time.process_time()
     make_captures(folder, designs(fitted, held_out), progress=progress)
     plots, refused = stored_plots(folder)
     known = [plot for plot in plots if plot.scene in FITTED]
@@ -125,8 +123,6 @@ def run_score_prediction(
             "checks": {name: [asdict(c) for c in each] for name, each in checks.items()},
             "refused": refused,
         },
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

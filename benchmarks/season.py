@@ -22,7 +22,6 @@ from fieldkit.campaign.reading import read_visits
 from fieldkit.clouds import read_cloud, score
 from fieldkit.errors import ReconstructionError
 from fieldkit.runtime.executor import map_parallel
-from fieldkit.runtime.machine import processor_seconds
 from fieldkit.runtime.progress import Progress
 
 PLOTS = 40
@@ -66,7 +65,6 @@ def run_season(
             return run_season(
                 plots, seed=seed, width_px=width_px, workers=workers, work=Path(temporary), progress=progress
             )
-    wall, cpu = time.perf_counter(), processor_seconds()
     flown = [Flown(plot, date, width_px, work, seed) for date in range(len(DATES)) for plot in range(plots)]
     missing = [each for each in flown if not each.truth.is_file()]
     with progress.stage("Photographs", len(missing)) as advance:
@@ -79,7 +77,7 @@ def run_season(
     if len(rows) != len(flown):
         raise ReconstructionError(f"the table has {len(rows)} rows where {len(flown)} were flown", path=campaign)
     scores = {(each.name, each.date): _against_truth(campaign, each) for each in flown}
-    return _result(rows, runs, twice, scores, plots, width_px, time.perf_counter() - wall, processor_seconds() - cpu)
+    return _result(rows, runs, twice, scores, plots, width_px)
 
 
 def _run_to_the_end(
@@ -167,8 +165,6 @@ def _result(
     scores: Mapping[tuple[str, int], float | None],
     plots: int,
     width_px: int,
-    wall_s: float,
-    cpu_s: float,
 ) -> StudyResult:
     visits = list(rows.values())
     costs = np.array([row["cpu_s"] for row in visits])
@@ -211,6 +207,4 @@ def _result(
             "predicted": predicted,
             "errors": [row["error"] for row in failed],
         },
-        wall_s=wall_s,
-        cpu_s=cpu_s,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -33,7 +32,6 @@ def run_subset_scores(
     data: Path, subsets: Mapping[str, tuple[int, ...]] = SUBSETS, *, cache: StageCache, progress: Progress
 ) -> StudyResult:
     """One evaluation per rig, whose plots are the uniform subsets at both phases; with and without ICP."""
-    wall, cpu = time.perf_counter(), time.process_time()
     rows: list[tuple[Cell, ...]] = []
     figures = {}
     for name, sizes in subsets.items():
@@ -71,8 +69,6 @@ def run_subset_scores(
             "The reference is the plants' cloud of all photographs. Phase 1 starts at the second photograph.",
         ),
         figures=figures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +14,7 @@ from benchmarks.result import StudyResult
 from fieldkit import __version__
 from fieldkit.errors import UsageError
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.runtime.machine import this_machine
+from fieldkit.runtime.machine import Spent, this_machine
 from fieldkit.runtime.progress import Progress
 
 Options = TypeVar("Options")
@@ -49,7 +50,9 @@ def run_studies(
     with atomic_folder(output, overwrite=overwrite, marker=RESULT_FILE) as folder:
         results = []
         for name in chosen:
+            spent = Spent.now()
             result = known[name](options, progress)
+            result = replace(result, wall_s=spent.seconds, cpu_s=spent.cpu_seconds)
             if result.skipped:
                 progress.note(f"{name}: {result.skipped}")
             for picture, data in result.pictures.items():

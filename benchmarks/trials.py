@@ -22,7 +22,6 @@ from fieldkit.evaluation.flight import evaluate_flight
 from fieldkit.results.evaluation import CLOUD_FILE, EvaluationReport, ImageReport, PlotEvaluation
 from fieldkit.results.traits import error_column
 from fieldkit.runtime.context import Context
-from fieldkit.runtime.machine import Spent
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.plot_ids import plot_file_name
@@ -106,7 +105,7 @@ def run_trials(
             that constants were chosen on. Empty takes `BLOCKS`.
         work: keeps flights and evaluations for later runs.
     """
-    spent, results = Spent.now(), []
+    results = []
     for block in blocks or BLOCKS:
         named, _, kind = block.partition("/")
         tuning, _, stage = named.rpartition("-")
@@ -123,8 +122,6 @@ def run_trials(
         tables=(_photographs_table(results), _traits_table(results)),
         notes=(_NOTE,),
         figures={"blocks": [asdict(result) for result in results]},
-        wall_s=spent.seconds,
-        cpu_s=spent.cpu_seconds,
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -92,7 +91,6 @@ def _noise(preset: Preset) -> NoiseSettings:
 
 def run_new_plots(options: UnseenOptions, progress: Progress) -> StudyResult:
     """Distances of a carried plan, of a carried ring, and of the best ring that evaluations find on the very plot."""
-    wall, cpu = time.perf_counter(), time.process_time()
     tables, figures = [], dict[str, Any]()
     for preset in options.presets:
         plan = _plan(preset, options, progress)
@@ -138,14 +136,11 @@ def run_new_plots(options: UnseenOptions, progress: Progress) -> StudyResult:
             f"The plan, the carried ring (found on plot {_PLANNED[0]}) and the best ring: {_REPEATS} fresh seeds.",
         ),
         figures=figures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 
 def run_new_traits(options: UnseenOptions, progress: Progress) -> StudyResult:
     """Traits of the plots outdoors by the carried plan, with single photographs and with bursts, against the meshes."""
-    wall, cpu = time.perf_counter(), time.process_time()
     plan = _plan("outdoors", options, progress)
     tables, figures = [], dict[str, Any]()
     for burst in (1, _BURST):
@@ -159,8 +154,6 @@ def run_new_traits(options: UnseenOptions, progress: Progress) -> StudyResult:
         tables=tuple(tables),
         notes=("Refused: traits that are not to be had, as fieldkit says. In ±: within the stated error.",),
         figures=figures,
-        wall_s=time.perf_counter() - wall,
-        cpu_s=time.process_time() - cpu,
     )
 
 
