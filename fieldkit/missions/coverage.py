@@ -30,7 +30,7 @@ _LEAST_DOWN = 0.05
 """Sine of the angle below the horizon of the flattest ray that counts as meeting the ground."""
 _ALIKE_DEG = 5.0
 """Angle within which lines are parallel and pitches alike, degrees."""
-_SOON = 0.98
+_SOON = 0.97
 """Share of the camera's interval below which a photograph comes too soon: intervals are rounded."""
 _NADIR_DEG = -80.0
 """Pitch from which a camera looks straight down, degrees."""
