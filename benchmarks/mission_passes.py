@@ -86,7 +86,8 @@ def foretell(count: int, folder: Path, seed: int) -> list[Foretold]:
                 taken = [shot for shot in flown.photographs if shot.repeat is not None]
                 foreseen = [stop for stop in each.stops if isinstance(stop, Passing)]
                 there, here, wanted = (
-                    frame.points(shot.place for shot in shots) for shots in (taken, foreseen, each.mission.passings)
+                    frame.points(shot.place for shot in shots if shot.place)
+                    for shots in (taken, foreseen, each.mission.passings)
                 )
                 own.photographs += len(here)
                 planned, given = (
