@@ -213,8 +213,8 @@ def plot_traits(
     seen, tops = from_above(seam), from_above(min(seam, fitted.widest_seam)).heights_m(*_QUANTILES.values())
     of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
     of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
-    of_sway = max(1.0, swayed_m / fitted.scatter_of_area_m)
-    of_area = of_sway * max(1.0, found.pixel_m / FITTED_PIXELS_M[1], fitted.finest_m / found.pixel_m)
+    of_sway, of_leaves = (max(1.0, swayed_m / of.scatter_of_area_m) for of in (fitted, ABOUT_A_PLOT))
+    of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1], fitted.finest_m / found.pixel_m)
     covered, volume = seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
@@ -224,8 +224,8 @@ def plot_traits(
     def off_m(error_m: float) -> float:
         return float(np.linalg.norm((error_m, doubt * height, ground_m)))
 
-    def off(share: float, scales: float) -> float:
-        return float(np.hypot(of_area * share, scales * doubt))
+    def off(share: float, scales: float, of_sway: float = of_sway) -> float:
+        return float(np.hypot(of_sway * of_pixel * share, scales * doubt))
 
     tall = tops[-1] > fitted.tallest_m
     of_quantiles = (_OF_TALL if tall else 1.0) * off_m(of_sway * _QUANTILE_ERROR_M)
@@ -236,7 +236,7 @@ def plot_traits(
         "cover_percent": (cover, off(AREA_ERROR, 2.0) * (cover or 0.0)),
         "covered_area_m2": (covered, off(AREA_ERROR, 2.0) * covered),
         "canopy_volume_m3": (volume, float(np.hypot(off(VOLUME_ERROR, 3.0) * volume, ground_m * covered))),
-        "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0), hidden)) * (lai or 0.0)),
+        "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0, of_leaves), hidden)) * (lai or 0.0)),
     }
     if tall:
         reason = (
