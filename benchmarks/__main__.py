@@ -52,6 +52,7 @@ class Study(StrEnum):
     NEW_PLOTS = "new-plots"
     NEW_TRAITS = "new-traits"
     TRIPS = "trips"
+    PASSES = "passes"
     POSES = "poses"
     UPLOADS = "uploads"
     ROUTES = "routes"
