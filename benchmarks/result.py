@@ -31,7 +31,8 @@ class ResultTable:
     def of(cls, title: str, found: Sequence[Any]) -> ResultTable:
         """What dataclasses of one kind hold, a row each."""
         rows = [asdict(each) for each in found]
-        return cls(title, tuple(f"{name}>" for name in rows[0]), tuple(tuple(row.values()) for row in rows))
+        cells = (tuple(f"{v:.3g}" if isinstance(v, float) else v for v in row.values()) for row in rows)
+        return cls(title, tuple(f"{name}>" for name in rows[0]), tuple(cells))
 
     def markdown(self) -> str:
         """The table in GitHub's Markdown, with its title as a paragraph above."""
