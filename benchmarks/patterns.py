@@ -47,7 +47,7 @@ _NOTE = (
 )
 
 
-def run_patterns(stages: Sequence[str] = (), *, work: Path, progress: Progress) -> StudyResult:
+def run_patterns(stages: Sequence[str], *, work: Path, progress: Progress) -> StudyResult:
     """Measure patterns on the test blocks of stages, each once.
 
     Args:

@@ -96,7 +96,7 @@ class Judged:
 
 
 def run_trials(
-    blocks: Sequence[str] = (), *, work: Path, workers: int = 1, cache: StageCache, progress: Progress
+    blocks: Sequence[str], *, work: Path, workers: int, cache: StageCache, progress: Progress
 ) -> StudyResult:
     """Fly over blocks, evaluate every plot and compare its traits with their truth.
 
