@@ -9,9 +9,9 @@ from fieldkit.cli.reconstruction_options import RunOptions, run_context
 def command(output: OutputOption, run: RunOptions, seed: SeedOption = 0, as_json: JsonOption = False) -> None:
     """Try fieldkit without a drone: a small simulated trial, from its plots' outlines to a table of their traits.
 
-    Plans a pattern of passes for a block of maize; writes the mission; photographs the block by it and by an app's grid
-    of no more minutes, in wind and with the noise of a flight with RTK; measures all plots by both; and writes a report
-    with the truth beside what was measured. Takes three to four minutes on two cores.
+    Plans a pattern of passes for a block of maize; writes the mission; photographs the block by it and by an app's
+    grid, which may both take two minutes, in wind and with the noise of a flight with RTK; measures all plots by both;
+    and writes a report with the truth beside what was measured. Takes three to four minutes on two cores.
 
     Examples:
         fieldkit demo -o demo-output --workers 2

@@ -47,7 +47,7 @@ def demo_errors(report: DemoReport) -> Table:
         for each in report.flights
     ]
     note = "Root mean squares over the plots. Stated: true values that are within what is stated, of all."
-    return tabulated("Errors of two flights of like minutes", rows, note)
+    return tabulated("Errors of two flights", rows, note)
 
 
 def demo_traits(report: DemoReport, plots: Mapping[str, Sequence[PlotEvaluation]]) -> Table:

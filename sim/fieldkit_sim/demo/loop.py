@@ -48,7 +48,7 @@ _LENGTH_M = 2.0
 _SMALLER = 2
 """How many times smaller photographs are than the vehicle's, along a side: a quarter of the time."""
 _MINUTES = 2.0
-"""In the air, that the plan is asked for: some patterns take less."""
+"""In the air, that the plan and the grid may take."""
 _GRIDS_M = (6.0, 20.0, 0.5)
 """Lowest and highest height of an app's grid above the ground, and the step between those that are tried, metres."""
 _OVERLAP = 0.8
@@ -91,7 +91,7 @@ def run_demo(output: Path, context: Context, *, overwrite: bool = False) -> Demo
         with progress.stage("Plan and mission"):
             asked = TrialSettings(trial=folder / BLOCK / PLOTS_FILE, stage=STAGE, minutes=_MINUTES)
             plan = plan_trial(folder / "plan", asked, VEHICLE)
-            lines, minutes = _grid(scene, vehicle, plan.chosen.minutes)
+            lines, minutes = _grid(scene, vehicle, _MINUTES)
             mission = _mission(folder, scene, truth, context)
         pattern = plan.chosen.worth.pattern
         poses = {"planned": pattern_over(pattern, scene), "grid": [pose for line in lines for pose in line.poses]}
