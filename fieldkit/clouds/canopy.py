@@ -221,9 +221,8 @@ def floats_from_m(heights: FloatArray, cut_m: float = math.inf) -> float:
     """
     heights = np.append(heights, heights[heights > cut_m - _EMPTY_M] + _EMPTY_M)
     layers = np.maximum(np.floor(heights / _LAYER_M).astype(np.int64), 0)
-    counts, gap = np.bincount(layers), round(_EMPTY_M / _LAYER_M)
+    counts, gap = np.append(np.bincount(layers), 0), round(_EMPTY_M / _LAYER_M)
     within = np.convolve(counts, np.ones(gap))[gap - 1 :]
-    within = np.append(within, 0.0)
     start = int(np.argmax(counts))
     start += int(np.argmax(within[start:] < max(1.0, _FLOATING * len(heights))))
     while within[start] > 0.0 and within[start + 1] < within[start]:

@@ -24,8 +24,6 @@ class PatternWorth(Strict):
     pattern: Pattern
     value_m: Length
     """The objective's value."""
-    height_m: Length | None = None
-    """Error of the height below which 99 % of the canopy's surface lies, of patterns that were measured."""
     evaluations: Count = 0
     """Rendered blocks that it was measured on; none: the score and what others measured lead to expect it."""
 
@@ -39,7 +37,7 @@ class FrontPattern:
     """In the air."""
     photographs: int
     height_m: float
-    """The same error, as expected."""
+    """Error of the height below which 99 % of the canopy's surface lies, as expected."""
 
     @property
     def errors_m(self) -> float:
@@ -76,7 +74,7 @@ def over(worth: PatternWorth, space: PatternSpace, field: shapely.Polygon, rows_
     """A pattern over a field, as fast as the vehicle may fly it."""
     pattern = space.flyable(worth.pattern)
     seconds, photographs = space.seconds(pattern, field, rows_deg)
-    height_m = worth.height_m or _OF_PIXEL * space.plants_m * max(space.pixel_m(pattern), FINEST_M)
+    height_m = _OF_PIXEL * space.plants_m * max(space.pixel_m(pattern), FINEST_M)
     return FrontPattern(worth.model_copy(update={"pattern": pattern}), seconds / 60.0, photographs, height_m)
 
 

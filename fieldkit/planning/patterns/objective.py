@@ -101,8 +101,8 @@ def evaluate(
         cloud = read_cloud(folder / found.name / CLOUD_FILE)
     cloud = replace(cloud, points=found.frame.about(site.origin, cloud.points))
     reference = ReferenceIndex(block.reference)
-    # So few photographs leave the model shifted and turned, which a flight's do not.
     own = cloud.select(inside_outline(cloud.points, block.outline))
+    # So few photographs leave the model shifted and turned, which a flight's do not.
     motion, _ = icp(own, reference, max_distance_m=REFERENCE_REACH_M)
     to_reference, to_cloud = nearest_distances(reference, own.transformed(motion))
     traits = {} if found.traits is None else found.traits.model_dump()

@@ -55,7 +55,6 @@ _BLOCKS = 2
 """Number of blocks that evaluations are on in turn."""
 _BLOCK_SEED = 5000
 """Seed of the first one."""
-_REMEDY = "`fieldkit plan --help` explains the options."
 
 
 class StagePatterns(Strict):
@@ -125,7 +124,7 @@ def plan_trial(
     worths, stage = kind.patterns, kind.stage
     if evaluations:
         method_entry(method)
-        minutes = asked.minutes or flyer.battery.usable_s / 60.0
+        minutes = _minutes(asked, flyer)
 
         def allowed(pattern: Pattern) -> bool:
             in_time = space.seconds(pattern, field, first.row_heading_deg)[0] <= 60.0 * minutes
@@ -224,6 +223,11 @@ def shipped_patterns(stage: Stage | None, plants_m: float, vehicle: Vehicle) -> 
     return kind.model_copy(update={"plants_m": there_m, "patterns": tuple(map(fitted, kind.patterns))})
 
 
+def _minutes(asked: TrialSettings, vehicle: Vehicle) -> float:
+    """That a flight may take: a battery's, where nothing is asked."""
+    return asked.minutes or vehicle.battery.usable_s / 60.0
+
+
 def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle) -> FrontPattern:
     """The pattern of a front that is asked for: the fastest one with such errors, or with hardly larger ones than the
     best one in the time has.
@@ -241,7 +245,7 @@ def choose(front: Sequence[FrontPattern], asked: TrialSettings, vehicle: Vehicle
             f"{100 * best.height_m:.1f} cm in {best.minutes:.1f} min",
             remedy="Ask for less.",
         )
-    minutes = asked.minutes or vehicle.battery.usable_s / 60.0
+    minutes = _minutes(asked, vehicle)
     kept = [each for each in front if each.minutes <= minutes]
     if not kept:
         raise UsageError(
