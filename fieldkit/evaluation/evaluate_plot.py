@@ -107,8 +107,8 @@ class PlacedPlot:
     """Of the photographs that show it, bursts made steady, and the ground below it."""
     volume: Volume
     """Of interest."""
-    rows: tuple[Outline, ...] = ()
-    """Outlines of its planted rows."""
+    rows: tuple[PlotOutline, ...] = ()
+    """Its planted rows."""
 
     def reconstructed(self, settings: ReconstructionSettings, context: Context) -> Reconstruction:
         """The plot, in a volume that is higher where plants, and not only what floats above them, reach its top."""
@@ -243,9 +243,9 @@ def _evaluated(
         names = [CLOUD_FILE]
         rows: tuple[RowEntry, ...] = ()
         if given.placed is not None:
-            parts = (PlotOutline(row, of_flight=True) for row in given.placed.rows)
             own = plants.measured()
-            rows = tuple(RowEntry(row=k, traits=plot_traits(found, own, part)[0]) for k, part in enumerate(parts, 1))
+            parts = enumerate(given.placed.rows, 1)
+            rows = tuple(RowEntry(row=k, traits=plot_traits(found, own, part)[0]) for k, part in parts)
             names += _write_beside(folder / place, found, outline.corners, progress)
         if isinstance(reference, CloudReference):
             findings += reference.findings

@@ -47,6 +47,7 @@ from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.colmap_model import model_points, track_lengths
 from fieldkit.reconstruction.dense.views import views_of
 from fieldkit.reconstruction.field_ground import FieldGround, grounds_under
+from fieldkit.reconstruction.gaps import covers_by_gaps
 from fieldkit.reconstruction.pipeline import WELL_SEEN, place_photographs
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -110,7 +111,7 @@ class _Job:
     """A plot to be evaluated."""
 
     name: str
-    corners: Outline
+    outline: PlotOutline
     placed: PlacedPlot
     settings: ReconstructionSettings
     folder: Path
@@ -129,7 +130,7 @@ class _Job:
             "plot of a flight",
             dict(STAGES),
             self.name,
-            self.corners,
+            self.outline,
             self.placed.volume,
             self.placed.rows,
             self.settings,
@@ -413,6 +414,12 @@ def _evaluated(
     points = own.points if own is not None and len(own.points) >= _LEAST_POINTS else points
     if unsure := coarse_place(sparse.frame, _UNSURE):
         context.progress.note(unsure)
+    below = {
+        name: (None if known is None else known[0], (corners, *rows[name]))
+        for (name, corners), known in zip(outlines.items(), grounds, strict=True)
+    }
+    with context.progress.stage("Gaps between leaves", len(sparse.capture.photos)) as advance:
+        covers = covers_by_gaps(sparse, below, settings.mask, advance)
     jobs: list[_Job] = []
     results: dict[str, PlotEvaluation] = {}
     for (name, corners), known in zip(outlines.items(), grounds, strict=True):
@@ -426,7 +433,11 @@ def _evaluated(
             part = sparse.of(views)
             told = (*part.findings, *([Finding(name, OUTLINE_UNSURE, unsure)] if unsure else []))
             part = replace(part, frame=replace(part.frame, ground=ground, ground_sigma_m=sigma_m), findings=told)
-            jobs.append(_Job(name, corners, PlacedPlot(part, volume, rows[name]), settings, folder))
+            whole, *parts = (
+                PlotOutline(ring, of_flight=True, cover=cover)
+                for ring, cover in zip(below[name][1], covers[name], strict=True)
+            )
+            jobs.append(_Job(name, whole, PlacedPlot(part, volume, tuple(parts)), settings, folder))
     if results:
         context.progress.note(f"not in the pictures: {', '.join(results)}")
     weights = [float(len(job.placed.sparse.poses) * np.prod(job.placed.volume.size[:2])) for job in jobs]
@@ -477,7 +488,7 @@ def _plot(job: _Job, context: Context) -> PlotEvaluation:
     plot = PlotCapture(
         sparse.capture,
         Scoring(None, None, refine=False, distances_m=()),
-        outline=PlotOutline(job.corners, of_flight=True),
+        outline=job.outline,
         placed=job.placed,
     )
     read, photographs = (lambda: plot), len(sparse.poses)

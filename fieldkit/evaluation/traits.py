@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,11 @@ VOLUME_ERROR = 0.14
 """The same of a volume."""
 LAI_ERROR = 0.17
 """The same of a leaf area index; of clouds whose leaves sway, too."""
+_GAPS_ERROR = 0.05
+"""The same of a cover by gaps between leaves, as a share of the plot, in pixels up to the next one; more in coarser
+ones: from 12 m, in 3.6 mm, such covers were up to 8 % off."""
+_GAPS_PIXEL_M = 0.0025
+"""What a pixel of the photographs covers at the plants there, metres."""
 MOST_LAI_ERROR = 0.20
 """Error of a leaf area index, as a share, beyond which there is none."""
 LEAST_PHOTOGRAPHS = 9
@@ -66,13 +71,9 @@ SCATTER_OF_TIPS_M = 0.005
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
-_SEAM_OF_FLIGHTS = 1.93
-"""Width of the seam about still leaves where photographs of a flight overlap closely, in cells: they add up what each
-has beyond a leaf's edge. Fitted with the next one on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
-_SEAM_SWAYED_OF_FLIGHTS = 0.155
-"""What a metre of sway takes off it, metres."""
-_MOST_SWAY_M = 0.020
-"""Largest sway that it was fitted with, metres."""
+_SEAM_OF_FLIGHTS = 1.5
+"""Width of the seam about leaves where photographs of a flight overlap closely, in cells: they add up what each has
+beyond a leaf's edge. Fitted on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -100,7 +101,8 @@ _OF_HEIGHT: tuple[Trait, ...] = ("height_m", *_QUANTILES, "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = tuple(trait for trait in TRAITS if trait != "height_m")
 _OF_TALL = 3.0
 """Factor of the errors of quantiles of such plants' heights: at R1 the 95th percentile came out 3 to 11 cm too high."""
-_OF_FORM: tuple[Trait, ...] = ("height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3", "lai")
+_NOT_OF_TALL: tuple[Trait, ...] = ("height_m", "canopy_volume_m3", "lai", "cover_percent", "covered_area_m2")
+"""Traits that clouds of such plants do not tell; the last two are told by gaps where these are known."""
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
     PLOTS_TOGETHER: TRAITS,
@@ -126,10 +128,6 @@ class Calibration:
     """Pixel from which errors of heights grow with it, metres."""
     adds_tips: bool = False
     """Whether clouds have false tips as well as lack some, so that the highest leaf may be as far below as above."""
-    gaps_swayed: float = 1.0
-    """Share of the sway by which wider gaps in leaves are closed."""
-    widest_seam: float = math.inf
-    """The widest seam that quantiles of height have, cells: a wider one takes tops off leaves."""
     tallest_m: float = math.inf
     """99th percentile of height above which clouds lack leaves of lower layers and have false points above, metres."""
 
@@ -140,8 +138,6 @@ OF_FLIGHTS = Calibration(
     finest_m=0.004,
     pixel_of_tips_m=0.0012,
     adds_tips=True,
-    gaps_swayed=0.0,
-    widest_seam=1.5,
     tallest_m=1.8,
 )
 """Photographs overlap closely. Of a block at V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the
@@ -158,6 +154,8 @@ class PlotOutline:
     """Why it is not known."""
     of_flight: bool = False
     """Whether its photographs are of a flight over many plots: they overlap closely, and show neighbours, too."""
+    cover: float | None = None
+    """Share of it below plants by gaps between leaves, where photographs of a flight show them; from 0 to 1."""
 
 
 def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | None = None) -> PlotOutline:
@@ -202,15 +200,11 @@ def plot_traits(
     height = highest_leaf_m(upper, ground.heights(upper), found.pixel_m, swayed_m)
     shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)
-    seam = _seam_of_flight(found, swayed_m) if outline.of_flight else _seam(found, shown, swayed_m)
-    cells = found.pixel_m, fitted.gaps_swayed * swayed_m, seam
-
-    @cache
-    def from_above(seam: float) -> Canopy:
-        whole = canopy(points, heights, *cells[:2], seam)
-        return whole if corners is None else whole.within(corners)
-
-    seen, tops = from_above(seam), from_above(min(seam, fitted.widest_seam)).heights_m(*_QUANTILES.values())
+    closed_m, seam = (0.0, _SEAM_OF_FLIGHTS) if outline.of_flight else (swayed_m, _seam(found, shown, swayed_m))
+    cells = found.pixel_m, closed_m, seam
+    seen = canopy(points, heights, *cells)
+    seen = seen if corners is None else seen.within(corners)
+    tops = seen.heights_m(*_QUANTILES.values())
     of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
     of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
     of_sway, of_leaves = (max(1.0, swayed_m / of.scatter_of_area_m) for of in (fitted, ABOUT_A_PLOT))
@@ -238,12 +232,17 @@ def plot_traits(
         "canopy_volume_m3": (volume, float(np.hypot(off(VOLUME_ERROR, 3.0) * volume, ground_m * covered))),
         "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0, of_leaves), hidden)) * (lai or 0.0)),
     }
+    if outline.cover is not None and area is not None:
+        covered = area * outline.cover
+        off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * area, 2.0 * doubt * covered)
+        values["covered_area_m2"] = covered, off_m2
+        values["cover_percent"] = 100.0 * outline.cover, 100.0 * off_m2 / area
     if tall:
         reason = (
             f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "
             "over them"
         )
-        unknown = dict.fromkeys(_OF_FORM, reason) | unknown
+        unknown = dict.fromkeys(_NOT_OF_TALL if outline.cover is None else _NOT_OF_TALL[:-2], reason) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:
@@ -278,11 +277,6 @@ def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m:
         return swaying
     filling = silhouettes.filling_seam(shown, found.plants.measured().points, found.pixel_m)
     return min(still, swaying + _OF_FILLING * max(0.0, filling - swaying))
-
-
-def _seam_of_flight(found: Reconstruction, swayed_m: float) -> float:
-    """The same of photographs that overlap closely: the cloud has all that any of them shows."""
-    return _SEAM_OF_FLIGHTS - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M) / found.pixel_m
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:

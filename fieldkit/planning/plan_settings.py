@@ -107,7 +107,7 @@ class SearchChoices(Strict):
     refine: bool = False
     """Align and scale each cloud to the reference by ICP before it is scored."""
     finalists: Ordinal = 3
-    """Best sets that are evaluated again before one is chosen; of plots of a kind those that are not clearly behind."""
+    """Best sets that are evaluated again before one is chosen."""
     plots: Ordinal = 1
     """Plots that the plan is for: those given, and others drawn of their kind; 8 for a kind where not given."""
     repeats: Count = 2

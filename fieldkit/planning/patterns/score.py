@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,12 +11,11 @@ from scipy.spatial import cKDTree
 from fieldkit.arrays import BoolArray, FloatArray
 from fieldkit.evaluation.flight import MOST_VIEWS
 from fieldkit.evaluation.traits import LEAST_PHOTOGRAPHS
-from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry import Intrinsics
 from fieldkit.planning.patterns.block import Block
 from fieldkit.planning.patterns.photographs import plot_volume, poses_about, showing
 from fieldkit.planning.plan_settings import NoiseSettings
 from fieldkit.planning.score.geometric import SWAYING, expected_distance_m, reconstructed
-from fieldkit.planning.score.matchability import ties
 from fieldkit.reconstruction.evidence import FINEST_M, quality_of_views
 from fieldkit.results.pattern import Pattern
 from fieldkit.scenes.sampling import visible_from
@@ -34,10 +32,6 @@ _PIXELS = 800
 """Side of the depth maps that tell what is hidden, pixels of some 6 mm."""
 _BIAS_M = 0.01
 """How far in front of a point something must be to hide it, metres."""
-_SHOWN_M = 8.0
-"""How far about the plot what photographs show is looked at, metres."""
-_SIDE = 13
-"""Places of ground there, along each side."""
 PHASES = ((0.0, 0.0), (0.5, 0.5))
 """Where lines lie beside a plot, in shares of their spacings: which plots have which is chance."""
 
@@ -105,7 +99,6 @@ class PatternScore:
         self, pattern: Pattern, camera: Intrinsics, noise: NoiseSettings, phase: tuple[float, float]
     ) -> Expectation:
         poses = poses_about(pattern, self.block, camera, phase)
-        tied = dict(zip(map(id, poses), self._tied(poses, camera), strict=True))
         sights = []
         for pose in showing(poses, camera, plot_volume(self.block), MOST_VIEWS):
             rays = pose.center - self.points
@@ -116,7 +109,7 @@ class PatternScore:
                 & self.seen[np.arange(len(rays)), self.directions.query(rays)[1]]
             )
             footprint = np.maximum(away / camera.fx, FINEST_M)
-            quality = tied[id(pose)] * quality_of_views(seen, np.abs((self.normals * rays).sum(axis=1)), footprint)
+            quality = quality_of_views(seen, np.abs((self.normals * rays).sum(axis=1)), footprint)
             air_m = swayed_m(noise.wind_m, away, noise.vehicle_kg, away * rays[:, 2])
             sway = (SWAYING * np.clip(self.points[:, 2] / self.block.height_m, 0.0, 1.0) * air_m) ** 2
             sights.append(np.column_stack([rays, quality, footprint, sway]).astype(np.float32))
@@ -126,18 +119,3 @@ class PatternScore:
         gap_m = float(expected_distance_m(self.points, p).mean())
         noise_m = float((p * error).sum() / max(p.sum(), 1e-9))
         return Expectation(gap_m, noise_m)
-
-    def _tied(self, poses: Sequence[Pose], camera: Intrinsics) -> FloatArray:
-        """(n,) probability that photographs are tied to any other by what soil both show; loose ones are left out."""
-        middle = self.points.mean(axis=0)
-        places = np.linspace(-_SHOWN_M, _SHOWN_M, _SIDE)
-        ground = np.stack([*np.meshgrid(places, places), np.zeros((_SIDE, _SIDE))], axis=-1).reshape(-1, 3) + middle
-        shown = np.array([camera.sees(pose.to_camera(ground)) for pose in poses], dtype=np.float64)
-        shown = shown.reshape(-1, len(ground))
-        overlap = shown @ shown.T / np.maximum(shown.sum(axis=1), 1.0)
-        rays = middle - np.array([pose.center for pose in poses]).reshape(-1, 3)
-        rays /= np.linalg.norm(rays, axis=1)[:, None]
-        angles_deg = np.degrees(np.arccos(np.clip(rays @ rays.T, -1.0, 1.0)))
-        tie = ties(angles_deg, np.minimum(overlap, overlap.T), self.block.height_m)
-        np.fill_diagonal(tie, 0.0)
-        return np.asarray(1.0 - np.prod(1.0 - tie, axis=1))

@@ -236,11 +236,10 @@ def confirm(
 
     The lowest of many noisy values is partly luck, so the winner is chosen by values that had no part in finding it.
     If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
-    given plot, the only real one of its kind, if the search took no photographs. It is a race: a trial that is clearly
-    behind after a repeat takes part in no more, and where one is left the race is over. Finalists come by repeats, then
-    value; for plots of a kind by a `FinalistCosts`'s expectation: plots differ by more than good sets do, so the mean
-    of few confirmations says less than all results together. They keep the given order if the settings ask for no
-    repeats. ``standard`` is one of the trials; it comes first unless the best is ahead of it beyond noise.
+    given plot, the only real one of its kind, if the search took no photographs. Finalists come by value; for plots of
+    a kind by a `FinalistCosts`'s expectation: plots differ by more than good sets do, so the mean of few confirmations
+    says less than all results together. They keep the given order if the settings ask for no repeats. ``standard`` is
+    one of the trials; it comes first unless the best is ahead of it beyond noise.
     """
     settings = run.settings
     if not settings.repeats:
@@ -256,27 +255,20 @@ def confirm(
         for e in run.entries
         if e.stage == "confirmation" and e.fidelity == fidelity
     }
-    racing, raced = list(chosen), {trial.number: Finalist(trial) for trial in chosen}
+    found = [Finalist(trial) for trial in chosen]
     for seed, plot in enumerate(plots, start=_FRESH_SEEDS + settings.seed * settings.repeats):
-        new = [trial for trial in racing if (trial.cameras, seed, plot) not in logged]
+        new = [trial for trial in chosen if (trial.cameras, seed, plot) not in logged]
         jobs = [Job(trial.cameras, seed, fidelity, plot) for trial in new]
         for trial, job, evaluation in zip(new, jobs, evaluations.each(jobs), strict=True):
             entry = run.log(trial, job, evaluation, "confirmation")
             logged[trial.cameras, seed, plot] = entry
             watch(entry)
-        for trial in racing:
-            entries = (*raced[trial.number].entries, logged[trial.cameras, seed, plot])
-            raced[trial.number] = Finalist(trial, entries)
-        if settings.plots > 1:
-            racing = _not_behind([raced[trial.number] for trial in racing])
-            if len(racing) == 1:
-                break
-    # Those that raced on are ahead of those that were given up.
-    ordered = sorted(raced.values(), key=lambda f: (-len(f.entries), f.value_m, f.trial.number))
+        found = [replace(f, entries=(*f.entries, logged[f.trial.cameras, seed, plot])) for f in found]
+    ordered = sorted(found, key=lambda finalist: (finalist.value_m, finalist.trial.number))
     if settings.plots > 1 and isinstance(method, FinalistCosts):
         costs = method.expect_m([f.trial.cameras for f in ordered], [entry.trial for entry in run.entries])
         known = [replace(finalist, kind_m=cost) for finalist, cost in zip(ordered, costs, strict=True)]
-        ordered = sorted(known, key=lambda finalist: (-len(finalist.entries), finalist.kind_m, finalist.trial.number))
+        ordered = sorted(known, key=lambda finalist: (finalist.kind_m, finalist.trial.number))
     if standard is None:
         return ordered
     own = next(finalist for finalist in ordered if finalist.trial.cameras == standard.cameras)
@@ -297,13 +289,6 @@ def _ahead(finalist: Finalist, other: Finalist, noise: float) -> bool:
     gains = [b - a for a, b in pairs]
     noise_m = float(np.std(gains, ddof=1)) if len(gains) > 2 else noise * pairs[0][1]
     return bool(np.mean(gains) > _CLEARLY * noise_m / np.sqrt(len(gains)))
-
-
-def _not_behind(racing: Sequence[Finalist]) -> list[Trial]:
-    """The trials that noise could still put before the leader; all were evaluated on the same plots."""
-    values = [finalist.value_m or 0.0 for finalist in racing]
-    behind_m = _CLEARLY * _PAIRED * min(values) / np.sqrt(len(racing[0].entries))
-    return [f.trial for f, value in zip(racing, values, strict=True) if value <= min(values) + behind_m]
 
 
 def search_seed(settings: SearchSettings, number: int) -> int:

@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtr
 
 from fieldkit.arrays import FloatArray
-from fieldkit.reconstruction.mapping.view_graph import EDGE_FACTOR, EDGE_MATCHES
 
 _MATCHES = 3370.0
 """Of two photographs that see all alike from the same place, by height and angle; from 0.6 m of height on."""
@@ -26,19 +24,10 @@ _CHANCE = 40.0
 """Matches of two photographs that show the same, but by a wrong relative pose, at wide angles."""
 _CHANCE_DEG = 10.0
 """Angle between views at which all but 1/e of these are there, degrees."""
-_SPREAD = 0.65
-"""Standard deviation of the logarithm of a pair's matches, and of what a block has more or less than others."""
 
 
 def canopy_matches(angle_deg: ArrayLike, overlap: ArrayLike, height_m: ArrayLike) -> FloatArray:
-    """Expected matches of pairs of photographs, those by chance among them; arguments as for `ties`."""
-    decay = np.asarray(angle_deg) / _DECAY_DEG + np.asarray(height_m) / _DECAY_M
-    matches: FloatArray = _MATCHES * np.exp(-decay) * np.asarray(overlap) + _by_chance(angle_deg, overlap)
-    return matches
-
-
-def ties(angle_deg: ArrayLike, overlap: ArrayLike, height_m: ArrayLike) -> FloatArray:
-    """Probability that pairs of photographs tie each other, as mapping judges it (`is_edge`).
+    """Expected matches of pairs of photographs, those by chance among them.
 
     Arguments broadcast.
 
@@ -47,12 +36,7 @@ def ties(angle_deg: ArrayLike, overlap: ArrayLike, height_m: ArrayLike) -> Float
         overlap: share of the picture that both show, from 0 to 1.
         height_m: of the plants' highest leaves above the ground.
     """
-    least = np.maximum(EDGE_MATCHES, EDGE_FACTOR * _by_chance(angle_deg, overlap))
-    matches = np.maximum(canopy_matches(angle_deg, overlap, height_m), 1e-9)
-    probability: FloatArray = ndtr(np.log(matches / least) / _SPREAD)
-    return probability
-
-
-def _by_chance(angle_deg: ArrayLike, overlap: ArrayLike) -> FloatArray:
-    matches: FloatArray = -_CHANCE * np.expm1(-np.asarray(angle_deg) / _CHANCE_DEG) * np.asarray(overlap)
-    return matches
+    angle_deg, overlap = np.asarray(angle_deg), np.asarray(overlap)
+    by_chance = -_CHANCE * np.expm1(-angle_deg / _CHANCE_DEG)
+    decay = angle_deg / _DECAY_DEG + np.asarray(height_m) / _DECAY_M
+    return np.asarray((_MATCHES * np.exp(-decay) + by_chance) * overlap)

@@ -50,14 +50,19 @@ def excess_red(image: ByteArray) -> Float32Array:
     return np.asarray(index, dtype=np.float32)
 
 
+def green_pixels(image: ByteArray) -> BoolArray:
+    """(H, W) plants by colour: excess green above a threshold and above excess red (as wood and straw have)."""
+    green = excess_green(image)
+    return np.asarray((green > EXG_THRESHOLD) & (green > excess_red(image)))
+
+
 def plant_mask(image: ByteArray, kind: Mask = "exg", file_mask: NDArray[Any] | None = None) -> BoolArray | None:
     """The plant mask of a view.
 
     Args:
         image: (H, W, 3) uint8 RGB.
-        kind: `exg`: excess green over a threshold and over excess red (which wood, straw and yellow soil exceed), with
-            the pixels beside parts thinner than five pixels (they blend with what is behind them) and without single
-            pixels; `none`: no mask; `file`: ``file_mask`` as it is.
+        kind: `exg`: `green_pixels`, with the pixels beside parts thinner than five pixels (they blend with what is
+            behind them) and without single pixels; `none`: no mask; `file`: ``file_mask`` as it is.
         file_mask: (H, W), non-zero where there are plants.
 
     Returns:
@@ -74,9 +79,7 @@ def plant_mask(image: ByteArray, kind: Mask = "exg", file_mask: NDArray[Any] | N
         return np.asarray(file_mask != 0, dtype=np.bool_)
     import cv2
 
-    green = excess_green(image)
-    plants = ((green > EXG_THRESHOLD) & (green > excess_red(image))).astype(np.uint8)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(plants, connectivity=8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(green_pixels(image).astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= 4
     large[0] = False
     kept = large[labels].astype(np.uint8)

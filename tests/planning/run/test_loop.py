@@ -186,18 +186,6 @@ def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path:
         assert len({entry.value_m for entry in finalist.entries}) == 3
 
 
-@pytest.mark.parametrize(("evaluator", "rounds"), [(Dull, [3, 3, 3]), (Bowls, [1, 1, 1])])
-def test_finalists_of_a_kind_race_as_long_as_noise_could_change_who_leads(
-    tmp_path: Path, evaluator: type[Bowl], rounds: list[int]
-) -> None:
-    with searched(tmp_path / "run", evaluator(), plots=4, repeats=3, finalists=3) as (evaluations, run):
-        ordered = lowest([entry.trial for entry in run.entries], 100)
-        chosen = ordered[:3] if evaluator is Dull else [ordered[0], *ordered[-2:]]
-        found = confirm(None, evaluations, run, chosen, watch=ignore, standard=chosen[1])
-    assert [len(finalist.entries) for finalist in found] == rounds
-    assert found[0].trial.cameras == ordered[0].cameras or evaluator is Dull
-
-
 @pytest.mark.parametrize(("evaluator", "even_wins"), [(Dull, True), (Bowl, False)])
 def test_an_even_subset_is_the_plan_unless_another_is_ahead_of_it(
     tmp_path: Path, evaluator: type[Bowl], even_wins: bool

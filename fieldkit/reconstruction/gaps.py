@@ -1,0 +1,141 @@
+"""Gaps between leaves: how many sight lines reach a plot's ground, by their angle. Its cover follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from fieldkit.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from fieldkit.captures import read_image
+from fieldkit.clouds.canopy import Outline, inside_outline
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.dense.masks import DARKEST, green_pixels
+from fieldkit.reconstruction.dense.views import read_mask
+from fieldkit.reconstruction.result import SparseResult
+from fieldkit.results.frame import Plane
+from fieldkit.vocabulary import Mask
+
+_STEP_M = 0.02
+"""Step between places on the ground, metres: half a leaf's width."""
+_BLEED_PX = 2.0
+"""Width of what seems plant beside a leaf, pixels: lenses blur edges, and JPEG keeps colour by squares of two. Fitted
+on blocks at V6, V10, V14 and R1 (docs/traits.md)."""
+_IN_THE_DARK = 0.5
+"""Chance that a pixel too dark to have a hue shows plants."""
+_BIN = 0.05
+"""Width of classes of tangents of angles from the vertical."""
+_BINS = 12
+"""Number of classes: up to 31°. Flatter sight lines tell less of vertical ones."""
+_STEEP = 0.35
+"""Tangent within which a tenth of the sight lines have to be."""
+_LEAST = 1000
+"""Number of sight lines that tell a cover."""
+_MIDDLES = (np.arange(_BINS) + 0.5) * _BIN
+
+
+class _Ground:
+    """Sight lines to places on the ground, counted by outline and classes of their tangents along x and along y."""
+
+    def __init__(self, ground: Plane, outlines: Sequence[Outline]) -> None:
+        corners = np.concatenate(outlines)
+        low, high = corners.min(axis=0) + 0.5 * _STEP_M, corners.max(axis=0)
+        x, y = (np.arange(a, b, _STEP_M) for a, b in zip(low, high, strict=True))
+        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        inside = np.array([inside_outline(places, outline) for outline in outlines])
+        self._points, self._inside = ground.above(places[inside.any(axis=0)]), inside[:, inside.any(axis=0)]
+        self._number, self._shown = np.zeros((2, len(outlines), _BINS**2))
+
+    def seen_by(self, camera: Intrinsics, pose: Pose) -> tuple[BoolArray, IntArray, IntArray]:
+        """Which places a camera sees under steep enough angles, in which pixels, and the classes of their tangents."""
+        rays = pose.center - self._points
+        classes = np.floor(np.abs(rays[:, :2] / rays[:, 2:]) / _BIN).astype(np.int64)
+        used = (np.hypot(*(classes.T + 0.5)) < _BINS) & (rays[:, 2] > 0.0)
+        used[used] = camera.sees(self._points[used], pose)
+        pixels = np.floor(camera.project(pose.to_camera(self._points[used]))).astype(np.int64)
+        return used, np.clip(pixels, 0, (camera.width - 1, camera.height - 1)), classes[used] @ (_BINS, 1)
+
+    def count(self, used: BoolArray, classes: IntArray, plant: FloatArray) -> None:
+        """Count sight lines and the chance that they end on plants."""
+        for own, number, shown in zip(self._inside[:, used], self._number, self._shown, strict=True):
+            number += np.bincount(classes[own], minlength=_BINS**2)
+            shown += np.bincount(classes[own], plant[own], minlength=_BINS**2)
+
+    def covers(self) -> list[float | None]:
+        """By outline, see `cover_of`."""
+        return [cover_of(number, shown) for number, shown in zip(self._number, self._shown, strict=True)]
+
+
+def covers_by_gaps(
+    sparse: SparseResult,
+    plots: Mapping[str, tuple[Plane | None, Sequence[Outline]]],
+    mask: Mask,
+    advance: Callable[[int], None] = lambda _: None,
+) -> dict[str, list[float | None]]:
+    """Shares of the ground below plants, of plots by outline, from all photographs of a flight that count; None
+    without masks or ground, and where hardly a sight line is steep.
+
+    Args:
+        sparse: of the flight.
+        plots: by name, the ground and outlines on it, plot frame.
+        mask: what shows plants.
+        advance: called with 1 after every photograph.
+    """
+    grounds = {name: _Ground(ground, of) for name, (ground, of) in plots.items() if ground is not None}
+    for photo in sparse.capture.photos if mask != "none" else ():
+        if photo.name in sparse.poses:
+            camera, pose = sparse.intrinsics[photo.name], sparse.poses[photo.name]
+            seen = [(ground, *ground.seen_by(camera, pose)) for ground in grounds.values()]
+            seen = [each for each in seen if each[1].any()]
+            if seen:
+                shown = np.concatenate([pixels for _, _, pixels, _ in seen])
+                (left, top), (right, bottom) = shown.min(axis=0), shown.max(axis=0) + 1
+                chances = plant_chances(read_image(photo), read_mask(photo, mask), np.s_[top:bottom, left:right])
+                for ground, used, pixels, classes in seen:
+                    ground.count(used, classes, chances[pixels[:, 1] - top, pixels[:, 0] - left])
+        advance(1)
+    return {name: grounds[name].covers() if name in grounds else [None] * len(of) for name, (_, of) in plots.items()}
+
+
+def plant_chances(image: ByteArray, given: NDArray[np.uint8] | None, window: tuple[slice, slice]) -> Float32Array:
+    """Chance that each pixel in a window of a photograph (H, W, 3) shows plants.
+
+    Args:
+        given: a mask in place of colours, of any size.
+    """
+    import cv2
+
+    if given is None:
+        plants = green_pixels(image[window])
+    else:
+        plants = np.asarray(cv2.resize(given, image.shape[1::-1], interpolation=cv2.INTER_NEAREST)[window] > 0)
+    # Distances are between pixels' middles.
+    inner = cv2.distanceTransform(plants.astype(np.uint8), cv2.DIST_L2, 3) > _BLEED_PX + 0.5
+    dark = (image[window].sum(axis=2, dtype=np.int32) < DARKEST) & (given is None)
+    return np.where(dark, np.float32(_IN_THE_DARK), inner.astype(np.float32))
+
+
+def cover_of(number: FloatArray, shown: FloatArray) -> float | None:
+    """The likeliest share of ground below plants, by numbers of sight lines and of those that end on plants.
+
+    A sight line has no contact with plants with a chance of exp(−contacts) (Miller 1967). Contacts² grow with the
+    squares of its tangents, as those of leaves that are turned like an ellipsoid's surface do (Campbell 1986).
+
+    Args:
+        number: by class of tangents along x and along y, (`_BINS`²,).
+    """
+    x, y = (axis.ravel() for axis in np.meshgrid(_MIDDLES, _MIDDLES, indexing="ij"))
+    lines = number.sum()
+    if lines < _LEAST or number[np.hypot(x, y) < _STEEP].sum() < 0.1 * lines:
+        return None
+    terms = np.column_stack([np.ones(len(x)), x**2, y**2])
+
+    def unlikely(parts: FloatArray) -> float:
+        contacts = np.sqrt(terms @ parts + 1e-8)
+        return float((number - shown) @ contacts - shown @ np.log(-np.expm1(-contacts))) / float(lines)
+
+    found = minimize(unlikely, np.full(3, 0.3), method="L-BFGS-B", bounds=[(0.0, None)] * 3)
+    return -math.expm1(-math.sqrt(found.x[0]))
