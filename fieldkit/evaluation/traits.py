@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -50,8 +50,8 @@ VOLUME_ERROR = 0.14
 LAI_ERROR = 0.17
 """The same of a leaf area index; of clouds whose leaves sway, too."""
 _GAPS_ERROR = 0.05
-"""The same of a cover by gaps between leaves, as a share of the plot, in pixels up to the next one; more in coarser
-ones: from 12 m, in 3.6 mm, such covers were up to 8 % off."""
+"""The same of a cover of one half by gaps between leaves, as a share of the plot, in pixels up to the next one; more in
+coarser ones: from 12 m, in 3.6 mm, such covers were up to 8 % off. Others have fewer edges."""
 _GAPS_PIXEL_M = 0.0025
 """What a pixel of the photographs covers at the plants there, metres."""
 MOST_LAI_ERROR = 0.20
@@ -71,9 +71,15 @@ SCATTER_OF_TIPS_M = 0.005
 _OF_FILLING = 2.0
 """How many cells the seam is wider for every cell that outlines could be filled with less. Fitted on a real sorghum in
 4 mm of wind: depths of its fine leaves scatter as if they swayed, but its edges are all there (docs/traits.md)."""
-_SEAM_OF_FLIGHTS = 1.5
-"""Width of the seam about leaves where photographs of a flight overlap closely, in cells: they add up what each has
-beyond a leaf's edge. Fitted on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
+_SEAM_OF_FLIGHTS = 1.93
+"""Width of the seam about still leaves where photographs of a flight overlap closely, in cells: they add up what each
+has beyond a leaf's edge. Fitted with the next one on blocks at V6, V8 and V10 from 8 m (docs/traits.md)."""
+_SEAM_SWAYED_OF_FLIGHTS = 0.155
+"""What a metre of sway takes off it, metres."""
+_MOST_SWAY_M = 0.020
+"""Largest sway that it was fitted with, metres."""
+_WIDEST_SEAM_OF_TOPS = 1.5
+"""The widest seam that quantiles of height of flights have, cells: a wider one takes tops off leaves."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -200,11 +206,20 @@ def plot_traits(
     height = highest_leaf_m(upper, ground.heights(upper), found.pixel_m, swayed_m)
     shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)
-    closed_m, seam = (0.0, _SEAM_OF_FLIGHTS) if outline.of_flight else (swayed_m, _seam(found, shown, swayed_m))
-    cells = found.pixel_m, closed_m, seam
-    seen = canopy(points, heights, *cells)
-    seen = seen if corners is None else seen.within(corners)
-    tops = seen.heights_m(*_QUANTILES.values())
+    if outline.of_flight:
+        # The cloud has all that any of the photographs shows.
+        seam = _SEAM_OF_FLIGHTS - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M) / found.pixel_m
+        cells, of_tops = (found.pixel_m, 0.0, seam), min(seam, _WIDEST_SEAM_OF_TOPS)
+    else:
+        cells = found.pixel_m, swayed_m, _seam(found, shown, swayed_m)
+        of_tops = cells[2]
+
+    @cache
+    def from_above(seam: float) -> Canopy:
+        whole = canopy(points, heights, *cells[:2], seam)
+        return whole if corners is None else whole.within(corners)
+
+    seen, tops = from_above(cells[2]), from_above(of_tops).heights_m(*_QUANTILES.values())
     of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
     of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
     of_sway, of_leaves = (max(1.0, swayed_m / of.scatter_of_area_m) for of in (fitted, ABOUT_A_PLOT))
@@ -234,7 +249,8 @@ def plot_traits(
     }
     if outline.cover is not None and area is not None:
         covered = area * outline.cover
-        off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * area, 2.0 * doubt * covered)
+        of_edges = 2.0 * math.sqrt(covered * (area - covered))
+        off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, 2.0 * doubt * covered)
         values["covered_area_m2"] = covered, off_m2
         values["cover_percent"] = 100.0 * outline.cover, 100.0 * off_m2 / area
     if tall:
