@@ -414,16 +414,14 @@ def _evaluated(
     points = own.points if own is not None and len(own.points) >= _LEAST_POINTS else points
     if unsure := coarse_place(sparse.frame, _UNSURE):
         context.progress.note(unsure)
-    below = {
-        name: (None if known is None else known[0], (corners, *rows[name]))
-        for (name, corners), known in zip(outlines.items(), grounds, strict=True)
-    }
-    with context.progress.stage("Gaps between leaves", len(sparse.capture.photos)) as advance:
+    known = {name: ground or (None, 0.0) for name, ground in zip(outlines, grounds, strict=True)}
+    below = {name: (known[name][0], (corners, *rows[name])) for name, corners in outlines.items()}
+    with context.progress.stage("Gaps between leaves", len(sparse.poses)) as advance:
         covers = covers_by_gaps(sparse, below, settings.mask, advance)
     jobs: list[_Job] = []
     results: dict[str, PlotEvaluation] = {}
-    for (name, corners), known in zip(outlines.items(), grounds, strict=True):
-        ground, sigma_m = known or (None, 0.0)
+    for name, corners in outlines.items():
+        ground, sigma_m = known[name]
         volume = plot_volume(corners, points, ground)
         views = plot_views(sparse, volume)
         if len(views) < LEAST_VIEWS:

@@ -78,8 +78,6 @@ _SEAM_SWAYED_OF_FLIGHTS = 0.155
 """What a metre of sway takes off it, metres."""
 _MOST_SWAY_M = 0.020
 """Largest sway that it was fitted with, metres."""
-_WIDEST_SEAM_OF_TOPS = 1.5
-"""The widest seam that quantiles of height of flights have, cells: a wider one takes tops off leaves."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _SEEN_BY = 2
 """Number of photographs that have to show a place."""
@@ -107,8 +105,9 @@ _OF_HEIGHT: tuple[Trait, ...] = ("height_m", *_QUANTILES, "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = tuple(trait for trait in TRAITS if trait != "height_m")
 _OF_TALL = 3.0
 """Factor of the errors of quantiles of such plants' heights: at R1 the 95th percentile came out 3 to 11 cm too high."""
-_NOT_OF_TALL: tuple[Trait, ...] = ("height_m", "canopy_volume_m3", "lai", "cover_percent", "covered_area_m2")
-"""Traits that clouds of such plants do not tell; the last two are told by gaps where these are known."""
+_NOT_OF_TALL: tuple[Trait, ...] = ("height_m", "canopy_volume_m3", "lai")
+_OF_GAPS: tuple[Trait, ...] = ("cover_percent", "covered_area_m2")
+"""Traits that clouds of such plants do not tell either, but gaps between leaves do."""
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
     PLOTS_TOGETHER: TRAITS,
@@ -134,6 +133,10 @@ class Calibration:
     """Pixel from which errors of heights grow with it, metres."""
     adds_tips: bool = False
     """Whether clouds have false tips as well as lack some, so that the highest leaf may be as far below as above."""
+    gaps_swayed: float = 1.0
+    """Share of the sway by which wider gaps in leaves are closed."""
+    widest_seam: float = math.inf
+    """The widest seam that quantiles of height have, cells: a wider one takes tops off leaves."""
     tallest_m: float = math.inf
     """99th percentile of height above which clouds lack leaves of lower layers and have false points above, metres."""
 
@@ -144,6 +147,8 @@ OF_FLIGHTS = Calibration(
     finest_m=0.004,
     pixel_of_tips_m=0.0012,
     adds_tips=True,
+    gaps_swayed=0.0,
+    widest_seam=1.5,
     tallest_m=1.8,
 )
 """Photographs overlap closely. Of a block at V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the
@@ -206,20 +211,15 @@ def plot_traits(
     height = highest_leaf_m(upper, ground.heights(upper), found.pixel_m, swayed_m)
     shown_m, maybe_m = silhouettes.highest_shown_m(shown, ground, points, swayed_m)
     height = height if shown_m is None else max(height, shown_m)
-    if outline.of_flight:
-        # The cloud has all that any of the photographs shows.
-        seam = _SEAM_OF_FLIGHTS - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M) / found.pixel_m
-        cells, of_tops = (found.pixel_m, 0.0, seam), min(seam, _WIDEST_SEAM_OF_TOPS)
-    else:
-        cells = found.pixel_m, swayed_m, _seam(found, shown, swayed_m)
-        of_tops = cells[2]
+    seam = _seam_of_flight(found, swayed_m) if outline.of_flight else _seam(found, shown, swayed_m)
+    cells = found.pixel_m, fitted.gaps_swayed * swayed_m, seam
 
     @cache
     def from_above(seam: float) -> Canopy:
         whole = canopy(points, heights, *cells[:2], seam)
         return whole if corners is None else whole.within(corners)
 
-    seen, tops = from_above(cells[2]), from_above(of_tops).heights_m(*_QUANTILES.values())
+    seen, tops = from_above(seam), from_above(min(seam, fitted.widest_seam)).heights_m(*_QUANTILES.values())
     of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
     of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
     of_sway, of_leaves = (max(1.0, swayed_m / of.scatter_of_area_m) for of in (fitted, ABOUT_A_PLOT))
@@ -258,7 +258,7 @@ def plot_traits(
             f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "
             "over them"
         )
-        unknown = dict.fromkeys(_NOT_OF_TALL if outline.cover is None else _NOT_OF_TALL[:-2], reason) | unknown
+        unknown = dict.fromkeys((*_NOT_OF_TALL, *(_OF_GAPS if outline.cover is None else ())), reason) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:
@@ -293,6 +293,11 @@ def _seam(found: Reconstruction, shown: Sequence[silhouettes.Outline], swayed_m:
         return swaying
     filling = silhouettes.filling_seam(shown, found.plants.measured().points, found.pixel_m)
     return min(still, swaying + _OF_FILLING * max(0.0, filling - swaying))
+
+
+def _seam_of_flight(found: Reconstruction, swayed_m: float) -> float:
+    """The same of photographs that overlap closely: the cloud has all that any of them shows."""
+    return _SEAM_OF_FLIGHTS - _SEAM_SWAYED_OF_FLIGHTS * min(swayed_m, _MOST_SWAY_M) / found.pixel_m
 
 
 def sways_m(found: Reconstruction) -> dict[str, float]:

@@ -34,7 +34,6 @@ _STEEP = 0.35
 """Tangent within which a tenth of the sight lines have to be."""
 _LEAST = 1000
 """Number of sight lines that tell a cover."""
-_MIDDLES = (np.arange(_BINS) + 0.5) * _BIN
 
 
 class _Ground:
@@ -85,22 +84,20 @@ def covers_by_gaps(
         advance: called with 1 after every photograph.
     """
     grounds = {name: _Ground(ground, of) for name, (ground, of) in plots.items() if ground is not None}
-    for photo in sparse.capture.photos if mask != "none" else ():
-        if photo.name in sparse.poses:
-            camera, pose = sparse.intrinsics[photo.name], sparse.poses[photo.name]
-            seen = [(ground, *ground.seen_by(camera, pose)) for ground in grounds.values()]
-            seen = [each for each in seen if each[1].any()]
-            if seen:
-                shown = np.concatenate([pixels for _, _, pixels, _ in seen])
-                (left, top), (right, bottom) = shown.min(axis=0), shown.max(axis=0) + 1
-                chances = plant_chances(read_image(photo), read_mask(photo, mask), np.s_[top:bottom, left:right])
-                for ground, used, pixels, classes in seen:
-                    ground.count(used, classes, chances[pixels[:, 1] - top, pixels[:, 0] - left])
+    for name, pose in sparse.poses.items() if grounds and mask != "none" else ():
+        camera, photo = sparse.intrinsics[name], sparse.capture.photo(name)
+        seen = [(ground, *ground.seen_by(camera, pose)) for ground in grounds.values()]
+        shown = np.concatenate([pixels for _, _, pixels, _ in seen])
+        if len(shown):
+            (left, top), (right, bottom) = shown.min(axis=0), shown.max(axis=0) + 1
+            chances = _plant_chances(read_image(photo), read_mask(photo, mask), np.s_[top:bottom, left:right])
+            for ground, used, pixels, classes in seen:
+                ground.count(used, classes, chances[pixels[:, 1] - top, pixels[:, 0] - left])
         advance(1)
     return {name: grounds[name].covers() if name in grounds else [None] * len(of) for name, (_, of) in plots.items()}
 
 
-def plant_chances(image: ByteArray, given: NDArray[np.uint8] | None, window: tuple[slice, slice]) -> Float32Array:
+def _plant_chances(image: ByteArray, given: NDArray[np.uint8] | None, window: tuple[slice, slice]) -> Float32Array:
     """Chance that each pixel in a window of a photograph (H, W, 3) shows plants.
 
     Args:
@@ -109,12 +106,12 @@ def plant_chances(image: ByteArray, given: NDArray[np.uint8] | None, window: tup
     import cv2
 
     if given is None:
-        plants = green_pixels(image[window])
+        plants, dark = green_pixels(image[window]), image[window].sum(axis=2, dtype=np.int32) < DARKEST
     else:
         plants = np.asarray(cv2.resize(given, image.shape[1::-1], interpolation=cv2.INTER_NEAREST)[window] > 0)
+        dark = np.zeros_like(plants)
     # Distances are between pixels' middles.
     inner = cv2.distanceTransform(plants.astype(np.uint8), cv2.DIST_L2, 3) > _BLEED_PX + 0.5
-    dark = (image[window].sum(axis=2, dtype=np.int32) < DARKEST) & (given is None)
     return np.where(dark, np.float32(_IN_THE_DARK), inner.astype(np.float32))
 
 
@@ -127,15 +124,16 @@ def cover_of(number: FloatArray, shown: FloatArray) -> float | None:
     Args:
         number: by class of tangents along x and along y, (`_BINS`²,).
     """
-    x, y = (axis.ravel() for axis in np.meshgrid(_MIDDLES, _MIDDLES, indexing="ij"))
-    lines = number.sum()
+    middles = (np.arange(_BINS) + 0.5) * _BIN
+    x, y = (axis.ravel() for axis in np.meshgrid(middles, middles, indexing="ij"))
+    lines = float(number.sum())
     if lines < _LEAST or number[np.hypot(x, y) < _STEEP].sum() < 0.1 * lines:
         return None
     terms = np.column_stack([np.ones(len(x)), x**2, y**2])
 
     def unlikely(parts: FloatArray) -> float:
         contacts = np.sqrt(terms @ parts + 1e-8)
-        return float((number - shown) @ contacts - shown @ np.log(-np.expm1(-contacts))) / float(lines)
+        return float((number - shown) @ contacts - shown @ np.log(-np.expm1(-contacts))) / lines
 
     found = minimize(unlikely, np.full(3, 0.3), method="L-BFGS-B", bounds=[(0.0, None)] * 3)
     return -math.expm1(-math.sqrt(found.x[0]))

@@ -32,9 +32,12 @@ def leaves(count: int, tilt_deg: float) -> np.ndarray:
     return np.array([turn.apply(corners) + place for turn, place in zip(turns, places, strict=True)])
 
 
-def true_cover(corners: np.ndarray, low: tuple[float, float], high: tuple[float, float]) -> float:
+LEAVES = leaves(400, 50.0)
+
+
+def true_cover(low: tuple[float, float], high: tuple[float, float]) -> float:
     picture = np.zeros(np.round(1000 * np.subtract(high, low)).astype(int)[::-1], np.uint8)
-    for leaf in corners:
+    for leaf in LEAVES:
         cv2.fillConvexPoly(picture, np.round(1000 * (leaf[:, :2] - low)).astype(np.int32), 1)
     return float(picture.mean())
 
@@ -42,11 +45,11 @@ def true_cover(corners: np.ndarray, low: tuple[float, float], high: tuple[float,
 @pytest.fixture
 def flight(tmp_path: Path) -> SparseResult:
     """Sixteen photographs straight down, 2.5 m over ground."""
-    corners, poses, photos = leaves(400, 50.0), {}, []
+    poses, photos = {}, []
     for k, (x, y) in enumerate(np.stack(np.meshgrid(*[np.linspace(-0.9, 0.9, 4)] * 2), axis=-1).reshape(-1, 2)):
         pose, name = Pose.from_yaw_pitch((x, y, 2.5), 0.0, -90.0), f"{k}.jpg"
         picture = np.full((CAMERA.height, CAMERA.width, 3), SOIL, np.uint8)
-        for leaf in corners[np.argsort(corners[:, :, 2].mean(axis=1))]:
+        for leaf in LEAVES[np.argsort(LEAVES[:, :, 2].mean(axis=1))]:
             pixels = CAMERA.project(pose.to_camera(leaf)) - 0.5
             cv2.fillConvexPoly(picture, np.round(16 * pixels).astype(np.int32), LEAF, shift=4, lineType=cv2.LINE_AA)
         cv2.imwrite(str(tmp_path / name), cv2.GaussianBlur(picture, (0, 0), 1.2), [cv2.IMWRITE_JPEG_QUALITY, 90])
@@ -59,9 +62,8 @@ def flight(tmp_path: Path) -> SparseResult:
 
 def test_leaves_that_hide_more_of_the_ground_the_more_one_looks_aside(flight: SparseResult) -> None:
     plot, half = covers_by_gaps(flight, {"a": (GROUND, (PLOT, HALF))}, "exg")["a"]
-    corners = leaves(400, 50.0)
-    assert plot == pytest.approx(true_cover(corners, (-0.7, -0.7), (0.7, 0.7)), abs=0.05)
-    assert half == pytest.approx(true_cover(corners, (-0.7, -0.7), (0.0, 0.7)), abs=0.05)
+    assert plot == pytest.approx(true_cover((-0.7, -0.7), (0.7, 0.7)), abs=0.05)
+    assert half == pytest.approx(true_cover((-0.7, -0.7), (0.0, 0.7)), abs=0.05)
     assert half is not None
     assert plot is not None
     assert half > plot + 0.1

@@ -146,13 +146,6 @@ def test_a_run_stops_where_nothing_is_left_to_gain_and_goes_on_when_told(tmp_pat
         assert plain(run.entries) == [entry for entry in whole if entry["stage"] == "search"]
 
 
-class Bowls(Bowl):
-    """Bowls of several plots, each deeper than the one before."""
-
-    def on(self, plot: int) -> Objective:
-        return Bowl(self.folder, noise_m=0.1 * plot)
-
-
 class Dull(Bowl):
     """Its values are 3 m and little of the bowl's."""
 
