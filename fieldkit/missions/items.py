@@ -8,6 +8,9 @@ from enum import IntEnum
 
 Params = tuple[float, float, float, float, float, float, float]
 
+PLACE_DIGITS = 7
+"""Decimals of degrees that reach an autopilot: MISSION_ITEM_INT has whole 1e-7°, 11 mm (MAVLink, mission protocol)."""
+
 
 class Frame(IntEnum):
     """MAV_FRAME: what a positional item's coordinates are, or that an item has none (MAVLink common.xml)."""

@@ -76,7 +76,7 @@ def test_what_is_written_passes_its_check_against_the_plan(tmp_path, vehicle, fo
     assert {finding.code for finding in report.findings} == ({"heading-mode"} if form == "litchi" else set())
     off = [(pose.metres, abs(pose.heading_deg or 0.0), abs(pose.pitch_deg or 0.0)) for pose in report.deviations]
     assert len(report.taken) == len(off) == len(plan.stations)
-    assert all(metres < 0.005 and max(turns) < 0.01 for metres, *turns in off)
+    assert all(metres < 0.010 and max(turns) < 0.01 for metres, *turns in off)
     # One duration, in the export's words, in its record, and in the check's.
     assert done.routed.time_s == pytest.approx(report.seconds)
     assert done.routed.length_m == pytest.approx(report.length_m)

@@ -203,15 +203,19 @@ def test_every_photograph_is_foretold_and_where_the_pattern_wants_one(
     speed=st.floats(0.3, 5.0),
 )
 @settings(max_examples=3, deadline=None)
-@pytest.mark.parametrize("vehicle", ["ardupilot-pitch", "px4-gimbal"])
-def test_long_lines_to_and_fro_lose_no_photograph(tmp_path_factory, vehicle, heading, along, between, offset, speed):
-    """None where a turn is not over in time, and none by distances that are noticed late, again and again."""
+@pytest.mark.parametrize(("vehicle", "form"), FORMS[:3])
+def test_long_lines_to_and_fro_lose_no_photograph(
+    tmp_path_factory, vehicle, form, heading, along, between, offset, speed
+):
+    """None where a turn is not over in time, and none by distances that are noticed late, or written rounded."""
     pattern = Pattern(
         (Look(heading, -80.0), Look((heading + 180.0) % 360.0, -60.0)), 9.0, along, between, offset, speed
     )
     profile, site = load_vehicle(vehicle), field(1, 20)
     profile = profile.model_copy(update={"trigger": profile.trigger.model_copy(update={"passing": "distance"})})
-    done, record = exported(tmp_path_factory.mktemp("passes"), site, profile, plan=Plan(fieldkit="0", pattern=pattern))
+    done, record = exported(
+        tmp_path_factory.mktemp("long"), site, profile, form, plan=Plan(fieldkit="0", pattern=pattern)
+    )
     frame = SiteFrame(site.home)
     for routed, flight in zip(done.routed.flights, record.flights, strict=True):
         planned = routed.mission.passings

@@ -26,8 +26,8 @@ def test_rows_and_columns() -> None:
     assert rows[0][1:4] == ["1", "0", "16"]
     assert [float(v) for v in rows[0][8:11]] == [50.8649, 6.4473, 92.0]  # latitude first
     for row in rows:
-        assert len(row[8].partition(".")[2]) >= 8
-        assert len(row[9].partition(".")[2]) >= 8
+        assert len(row[8].partition(".")[2]) >= 7
+        assert len(row[9].partition(".")[2]) >= 7
     assert rows[1][3] == str(int(Command.NAV_TAKEOFF))
 
 

@@ -31,7 +31,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.autopilots.acceptance import check_items
 from fieldkit.missions.autopilots.effects import LOOK_LAG_S
 from fieldkit.missions.files.limits import APPS, MOST_WAYPOINTS
-from fieldkit.missions.items import Command, Frame, MissionItem
+from fieldkit.missions.items import PLACE_DIGITS, Command, Frame, MissionItem
 from fieldkit.routing.mission import GeoPoint, Mission, Passing, Shot
 from fieldkit.routing.motion import held_s, leg, turn_seconds
 from fieldkit.vehicles.vehicle import Vehicle
@@ -86,7 +86,7 @@ def _ardupilot_begin(mission: Mission, _vehicle: Vehicle) -> list[MissionItem]:
     The mission ends with a waypoint over the landing place and NAV_LAND: RTL would climb to 15 m first.
     """
     home, nothing = mission.home, (0.0, 0.0, 0.0, 0.0)
-    place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
+    place = (round(home.latitude_deg, PLACE_DIGITS), round(home.longitude_deg, PLACE_DIGITS), home.amsl_m or 0.0)
     return [
         MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (*nothing, *place)),
         position(Command.NAV_TAKEOFF, GeoPoint(0.0, 0.0, mission.takeoff_m), nothing),
@@ -230,7 +230,7 @@ def check_pose(shot: Shot | RoutePoint, vehicle: Vehicle) -> None:
 
 def position(command: Command, place: GeoPoint, params: tuple[float, float, float, float]) -> MissionItem:
     """An item at a place, its height above home, rounded to 0.1 mm so that files hold no digits without meaning."""
-    there = (round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4))
+    there = (round(place.latitude_deg, PLACE_DIGITS), round(place.longitude_deg, PLACE_DIGITS), round(place.height_m, 4))
     return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *there))
 
 

@@ -93,8 +93,8 @@ def _row(mission: Mission, point: RoutePoint) -> str:
             "0",
             "0",
             "0",
-            f"{mission.every_s:.2f}" if on_line and mission.every_s else "-1",
-            f"{mission.spacing_m:.2f}" if on_line and mission.spacing_m else "-1",
+            f"{mission.every_s:.3f}" if on_line and mission.every_s else "-1",
+            f"{mission.spacing_m:.3f}" if on_line and mission.spacing_m else "-1",
         ]
     )
 

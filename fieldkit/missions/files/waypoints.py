@@ -15,7 +15,7 @@ from fieldkit.errors import MetadataError, about
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.items import Command, Frame, MissionItem
+from fieldkit.missions.items import PLACE_DIGITS, Command, Frame, MissionItem
 from fieldkit.routing.mission import Home
 from fieldkit.wording import count
 
@@ -32,7 +32,7 @@ def waypoints_bytes(items: Sequence[MissionItem], *, home: Home) -> bytes:
     for seq, item in enumerate(definite(rows)):
         columns = [str(seq), "1" if seq == 0 else "0", str(int(item.frame)), str(int(item.command))]
         columns += [_text(value) for value in item.params[:4]]
-        columns += [_text(value, 9) for value in item.params[4:6]]
+        columns += [_text(value, PLACE_DIGITS) for value in item.params[4:6]]
         columns += [_text(item.params[6]), "1" if item.autocontinue else "0"]
         lines.append("\t".join(columns))
     return ("\n".join(lines) + "\n").encode("ascii")

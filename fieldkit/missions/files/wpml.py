@@ -217,7 +217,7 @@ def _groups(
         return []
     last = next(k for k in range(index, len(points)) if points[k].part == "last")
     kind, every = ("Timing", mission.every_s) if mission.every_s else ("Distance", mission.spacing_m)
-    trigger = _tags(actionTriggerType=f"multiple{kind}", actionTriggerParam=f"{every:.2f}")
+    trigger = _tags(actionTriggerType=f"multiple{kind}", actionTriggerParam=f"{every:.3f}")
     turned = (index, _tags(actionTriggerType="reachPoint"), _turned(point, turn_deg))
     return [turned, (last, trigger, [_photo(point.name, lens)])]
 
