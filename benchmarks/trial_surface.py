@@ -72,12 +72,10 @@ def _coarser(camera: Intrinsics) -> Intrinsics:
 
 
 def _seen(points: FloatArray, pose: Pose, camera: Intrinsics, renderer: Renderer) -> BoolArray:
-    local = (points - pose.center) @ pose.rotation.T
-    pixels = camera.fx * local[:, :2] / local[:, 2:] + (camera.cx, camera.cy)
-    inside = (local[:, 2] > 0.0) & (pixels >= 0.0).all(axis=1) & (pixels < (camera.width, camera.height)).all(axis=1)
-    seen = np.zeros(len(points), dtype=bool)
-    if inside.any():
+    local = pose.to_camera(points)
+    seen = camera.sees(local)
+    if seen.any():
         depth = renderer.depth(pose, camera)
-        x, y = pixels[inside].astype(np.int64).T
-        seen[inside] = local[inside, 2] < depth[y, x] + _BIAS_M
+        x, y = camera.project(local[seen]).astype(np.int64).T
+        seen[seen] = local[seen, 2] < depth[y, x] + _BIAS_M
     return seen

@@ -153,20 +153,8 @@ def test_a_mission(installed: Installed) -> None:
     """With the profile, the site and the plots that come along."""
     save_plan(installed.folder / "kreis.json", plan_from_poses(ring(4, 1.5, 1.8)))
     site = installed.package / "shipped" / "missions" / "sites" / "example.toml"
-    options = (
-        "--vehicle",
-        "ardupilot-pitch",
-        "--site",
-        str(site),
-        "--plant-height",
-        "0.5",
-        "--adjust",
-        "--no-picture",
-        "-o",
-        "süd-kreis.plan",
-        "--json",
-    )
-    written = json.loads(installed.run("export-mission", "kreis.json", *options).stdout)
+    options = "--vehicle ardupilot-pitch --plant-height 0.5 --adjust --no-picture -o süd-kreis.plan --json"
+    written = json.loads(installed.run("export-mission", "kreis.json", "--site", str(site), *options.split()).stdout)
     assert written
     assert (installed.folder / "süd-kreis.plan").is_file()
     assert (installed.folder / "süd-kreis.geojson").is_file()

@@ -30,7 +30,6 @@ from fieldkit.sites.site import Name, Site, SitePlot
 from fieldkit.sites.site_file import load_site, plots_named
 from fieldkit.sites.vector_files import read_features
 
-PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."
 _MAX_BYTES = 1 << 20
 """Largest campaign.toml that is read, bytes."""
@@ -190,16 +189,6 @@ class Campaign:
             plans = flown_plans(self.plan, known)
             return plan_on(plans, plot) if known else self.plan
         return self.plan
-
-    def plan_of(self, plot: str, date: str) -> Plan:
-        """That a visit flew: the plot's newest in plans/DATE/PLOT.json of that date or an earlier one, else the
-        campaign's, `carried_plan`.
-        """
-        folder = self.folder / PLANS_FOLDER
-        made = sorted(each.name for each in folder.iterdir() if each.name <= date) if folder.is_dir() else []
-        files = (folder / each / f"{plot_file_name(plot)}.json" for each in reversed(made))
-        file = next((file for file in files if file.is_file()), None)
-        return self.carried_plan(plot) if file is None else load_plan(file)
 
     @cached_property
     def dates(self) -> tuple[str, ...]:

@@ -266,7 +266,7 @@ def _jobs(
             captures=_common(captures, chosen),
             notes=visit.notes,
             folder=campaign.folder,
-            plan=campaign.plan_of(visit.plot, visit.date),
+            plan=campaign.carried_plan(visit.plot),
             evaluation=campaign.evaluation,
             camera=campaign.camera_file,
             cache=None if cache.root is None else cache.root.absolute(),

@@ -103,11 +103,13 @@ _QUANTILES: Mapping[Trait, float] = {"height_p95_m": 0.95, "height_p99_m": 0.99}
 """Shares of the canopy's upper surface that lie below a height."""
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", *_QUANTILES, "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = tuple(trait for trait in TRAITS if trait != "height_m")
-_OF_TALL = 3.0
-"""Factor of the errors of quantiles of such plants' heights: at R1 the 95th percentile came out 3 to 11 cm too high."""
-_NOT_OF_TALL: tuple[Trait, ...] = ("height_m", "canopy_volume_m3", "lai")
-_OF_GAPS: tuple[Trait, ...] = ("cover_percent", "covered_area_m2")
-"""Traits that clouds of such plants do not tell either, but gaps between leaves do."""
+_LOWER = 0.5
+"""Mean height of leaves that a cloud lacks, by gaps between leaves, as a share of the others': they are lower ones.
+Fitted on blocks at V14 and R1 (docs/traits.md)."""
+_OF_LACKED = 0.5
+"""Error of what is added or taken off for leaves that a cloud lacks, as a share of it."""
+_NOT_OF_TALL: tuple[Trait, ...] = ("height_m", "lai")
+"""Traits that clouds of such plants do not tell. The others they tell with gaps between leaves."""
 _CODES: Mapping[str, tuple[Trait, ...]] = {
     "few-plant-points": TRAITS,
     PLOTS_TOGETHER: TRAITS,
@@ -219,12 +221,18 @@ def plot_traits(
         whole = canopy(points, heights, *cells[:2], seam)
         return whole if corners is None else whole.within(corners)
 
-    seen, tops = from_above(seam), from_above(min(seam, fitted.widest_seam)).heights_m(*_QUANTILES.values())
+    by_gaps = 0.0 if area is None else area * (outline.cover or 0.0)
+    seen, upper_seen = from_above(seam), from_above(min(seam, fitted.widest_seam))
+    more, more_above = (max(1.0, by_gaps / (of.covered_m2 or math.inf)) for of in (seen, upper_seen))
+    # What a cloud lacks is lower than the highest hundredth and twentieth of all leaves.
+    rank = [(max(0.0, 1.0 - (1.0 - share) * more_above), share) for share in _QUANTILES.values()]
+    tops, tops_shown = (upper_seen.heights_m(*shares) for shares in zip(*rank, strict=True))
     of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
     of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
     of_sway, of_leaves = (max(1.0, swayed_m / of.scatter_of_area_m) for of in (fitted, ABOUT_A_PLOT))
     of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1], fitted.finest_m / found.pixel_m)
-    covered, volume = seen.covered_m2, seen.volume_m3
+    covered, lacked_m3 = seen.covered_m2, _LOWER * (more - 1.0) * seen.volume_m3
+    volume = seen.volume_m3 + lacked_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
     hidden = 1.0 - shown_share(lai or 0.0, found.sparse.right)
@@ -237,18 +245,22 @@ def plot_traits(
         return float(np.hypot(of_sway * of_pixel * share, scales * doubt))
 
     tall = tops[-1] > fitted.tallest_m
-    of_quantiles = (_OF_TALL if tall else 1.0) * off_m(of_sway * _QUANTILE_ERROR_M)
+    of_quantiles = np.hypot(off_m(of_sway * _QUANTILE_ERROR_M), _OF_LACKED * (tops_shown - tops))
+    of_volume = (off(VOLUME_ERROR, 3.0) * volume, ground_m * covered, _OF_LACKED * lacked_m3)
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), off_m(of_height * HEIGHT_ERROR_M)),
-        **{trait: (max(0.0, float(top)), of_quantiles) for trait, top in zip(_QUANTILES, tops, strict=True)},
+        **{
+            trait: (max(0.0, float(top)), float(error))
+            for trait, top, error in zip(_QUANTILES, tops, of_quantiles, strict=True)
+        },
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, off(AREA_ERROR, 2.0) * (cover or 0.0)),
         "covered_area_m2": (covered, off(AREA_ERROR, 2.0) * covered),
-        "canopy_volume_m3": (volume, float(np.hypot(off(VOLUME_ERROR, 3.0) * volume, ground_m * covered))),
+        "canopy_volume_m3": (volume, float(np.linalg.norm(of_volume))),
         "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0, of_leaves), hidden)) * (lai or 0.0)),
     }
     if outline.cover is not None and area is not None:
-        covered = area * outline.cover
+        covered = by_gaps
         of_edges = 2.0 * math.sqrt(covered * (area - covered))
         off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, 2.0 * doubt * covered)
         values["covered_area_m2"] = covered, off_m2
@@ -258,7 +270,7 @@ def plot_traits(
             f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "
             "over them"
         )
-        unknown = dict.fromkeys((*_NOT_OF_TALL, *(_OF_GAPS if outline.cover is None else ())), reason) | unknown
+        unknown = dict.fromkeys(values if outline.cover is None else _NOT_OF_TALL, reason) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:

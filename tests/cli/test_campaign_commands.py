@@ -28,20 +28,8 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -
 
 def test_init_takes_the_settings(place, capsys, monkeypatch) -> None:
     campaign_folder(place, FIELD)
-    arguments = (
-        "--plan",
-        "sources/plan.json",
-        "--site",
-        "sources/site.toml",
-        "--fidelity",
-        "fine",
-        "--mask",
-        "none",
-        "--bounds",
-        "-1,-1,0,1,1,2",
-        "--seed",
-        "7",
-    )
+    given = "--plan sources/plan.json --site sources/site.toml --fidelity fine --mask none --bounds -1,-1,0,1,1,2"
+    arguments = [*given.split(), "--seed", "7"]
     made = answer(capsys, "campaign", "init", "new", *arguments, "--vehicle", "ardupilot-pitch")
     assert made == {"output": "new", "campaign": "new", "plots": ["r1c1", "r1c2"], "stations": 8, "references": []}
     found = read_campaign(place / "new")

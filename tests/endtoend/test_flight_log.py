@@ -91,21 +91,8 @@ def test_a_flown_plan_is_scored_against_a_georeferenced_reference(line: CommandL
     assert source.origin.datum == "sea level"
     save_plan(line.folder / "plan.json", plan_of_the_flight(source.origin, source.from_source))
 
-    report = run(
-        line,
-        "evaluate",
-        "flight",
-        "--log",
-        "flight.tlog",
-        "--plan",
-        "plan.json",
-        "--reference",
-        "ref",
-        "--fidelity",
-        "draft",
-        "-o",
-        "scores",
-    )
+    arguments = "flight --log flight.tlog --plan plan.json --reference ref --fidelity draft -o scores"
+    report = run(line, "evaluate", *arguments.split())
     (plot,) = report["plots"]
     assert plot["right"] == plot["images"] == 12
     assert plot["chamfer_m"] < 0.008

@@ -230,7 +230,11 @@ def check_pose(shot: Shot | RoutePoint, vehicle: Vehicle) -> None:
 
 def position(command: Command, place: GeoPoint, params: tuple[float, float, float, float]) -> MissionItem:
     """An item at a place, its height above home, rounded to 0.1 mm so that files hold no digits without meaning."""
-    there = (round(place.latitude_deg, PLACE_DIGITS), round(place.longitude_deg, PLACE_DIGITS), round(place.height_m, 4))
+    there = (
+        round(place.latitude_deg, PLACE_DIGITS),
+        round(place.longitude_deg, PLACE_DIGITS),
+        round(place.height_m, 4),
+    )
     return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *there))
 
 
