@@ -36,7 +36,7 @@ class CampaignOptions:
     scenes: tuple[str, ...] = ()
     """Of ``field-check``, by default the held-out ones."""
     blocks: tuple[str, ...] = ()
-    """Of ``trials``: stages and flights such as V10/five-8; of ``patterns``: stages."""
+    """Of ``trials``: stages and flights such as V10/five-8; of ``patterns``: stages, or V10/7, a shipped one."""
     count: int | None = None
     """Captures of ``field-check`` (80), plots of ``season`` (40)."""
     width_px: int = 2000

@@ -41,6 +41,8 @@ _GRIDS: Mapping[str, Pattern] = MappingProxyType(
 """What apps fly: overlaps of 80 %, with oblique ways of 70 and 60 %."""
 _SHARE = 0.4
 """Of the first one's minutes, in which a pattern is planned."""
+_TUNING_SEED = 11
+"""Of the blocks that patterns were chosen on."""
 _NOTE = (
     "Middle plot of 3 × 7, 10 mm of wind and wash, positions to 2 cm, angles to 1°, 12 megapixels behind a narrow lens "
     "(ardupilot-pitch). Errors are measured less true, cover in percent of the plot, volume in percent of the truth."
@@ -51,27 +53,30 @@ def run_patterns(stages: Sequence[str], *, work: Path, progress: Progress) -> St
     """Measure patterns on the test blocks of stages, each once.
 
     Args:
-        stages: such as V10; empty takes all.
+        stages: such as V10; tuning-V10 for the block that patterns were chosen on; V10/7 for the shipped pattern of
+            that number, from 0, alone. Empty takes all.
         work: keeps what was measured for later runs.
     """
     rows, figures = [], {}
-    for stage in cast(Sequence[Stage], stages or tuple(SEEDS)):
-        patterns = _patterns(stage)
-        files = {name: work / f"{stage}-{name.replace(' ', '-')}.json" for name in patterns}
+    for asked in stages or SEEDS:
+        named, _, number = asked.partition("/")
+        tuning, _, of = named.rpartition("-")
+        stage = cast(Stage, of)
+        seed, patterns = _TUNING_SEED if tuning else SEEDS[stage], _patterns(stage, number)
+        files = {name: work / f"{named}-{name.replace(' ', '-')}.json" for name in patterns}
         if not all(file.is_file() for file in files.values()):
-            block = Block.of(replace(LAYOUT, stage=stage, seed=SEEDS[stage]))
+            block = Block.of(replace(LAYOUT, stage=stage, seed=seed))
             camera, noise = _VEHICLE.camera.without_distortion(), flight_noise(_VEHICLE)
-            with Renderer(block.scene) as renderer, progress.stage(stage, len(files)) as advance:
+            with Renderer(block.scene) as renderer, progress.stage(named, len(files)) as advance:
                 for name, file in files.items():
                     if not file.is_file():
-                        pattern = patterns[name].worth.pattern
-                        made = evaluate(pattern, block, renderer, camera, noise, SEEDS[stage])
+                        made = evaluate(patterns[name].worth.pattern, block, renderer, camera, noise, seed)
                         file.write_text(json.dumps(asdict(made)), "utf-8")
                     advance(1)
         for name, file in files.items():
             made = PatternEvaluation(**json.loads(file.read_text("utf-8")))
-            rows.append(_row(f"{stage}: {name}", patterns[name], made))
-            figures[f"{stage}: {name}"] = asdict(made)
+            rows.append(_row(f"{named}: {name}", patterns[name], made))
+            figures[f"{named}: {name}"] = asdict(made)
     columns = ("Pattern", "minutes>", "photographs a plot>", "taken; right>", "within 20 mm>", "−r, mm>")
     traits = ("95 % of height, cm>", "99 %>", "cover>", "volume>")
     table = ResultTable("Patterns", columns + traits, tuple(rows))
@@ -84,14 +89,16 @@ def run_patterns(stages: Sequence[str], *, work: Path, progress: Progress) -> St
     )
 
 
-def _patterns(stage: Stage) -> dict[str, FrontPattern]:
-    """Grids, and what `plan` chooses in a share of the slowest one's minutes."""
+def _patterns(stage: Stage, number: str) -> dict[str, FrontPattern]:
+    """Grids, and what `plan` chooses in a share of the slowest one's minutes; or the shipped one of a number."""
     shipped = shipped_patterns(stage, 0.0, _VEHICLE)
     space = PatternSpace(_VEHICLE, shipped.plants_m)
 
     def flown(worth: PatternWorth) -> FrontPattern:
         return over(worth, space, _FIELD, ROWS_DEG)
 
+    if number:
+        return {f"shipped {number}": flown(shipped.patterns[int(number)])}
     grids = {name: flown(PatternWorth(pattern=pattern, value_m=0.0)) for name, pattern in _GRIDS.items()}
     asked = TrialSettings(minutes=_SHARE * max(each.minutes for each in grids.values()))
     front = front_of(flown(worth) for worth in shipped.patterns if space.allows(worth.pattern))
