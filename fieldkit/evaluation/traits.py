@@ -104,8 +104,10 @@ _QUANTILES: Mapping[Trait, float] = {"height_p95_m": 0.95, "height_p99_m": 0.99}
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", *_QUANTILES, "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = tuple(trait for trait in TRAITS if trait != "height_m")
 _LOWER = 0.5
-"""Mean height of leaves that a cloud lacks, by gaps between leaves, as a share of the others': they are lower ones.
-Fitted on blocks at V14 and R1 (docs/traits.md)."""
+"""Mean height of leaves of such plants that a cloud lacks, by gaps between leaves, as a share of the others': they are
+lower ones. Fitted on blocks at V14 and R1 (docs/traits.md)."""
+_MOST_LACKED = 2.0
+"""Ground below plants by gaps, in that of the cloud, up to which the cloud tells of it: on these blocks up to 1.7."""
 _OF_LACKED = 0.5
 """Error of what is added or taken off for leaves that a cloud lacks, as a share of it."""
 _NOT_OF_TALL: tuple[Trait, ...] = ("height_m", "lai")
@@ -221,18 +223,19 @@ def plot_traits(
         whole = canopy(points, heights, *cells[:2], seam)
         return whole if corners is None else whole.within(corners)
 
-    by_gaps = 0.0 if area is None else area * (outline.cover or 0.0)
+    by_gaps = (area or 0.0) * (outline.cover or 0.0)
     seen, upper_seen = from_above(seam), from_above(min(seam, fitted.widest_seam))
-    more, more_above = (max(1.0, by_gaps / (of.covered_m2 or math.inf)) for of in (seen, upper_seen))
+    tops_shown = upper_seen.heights_m(*_QUANTILES.values())
+    tall = tops_shown[-1] > fitted.tallest_m
+    more, more_above = (max(1.0, by_gaps / max(of.covered_m2, 1e-9)) if tall else 1.0 for of in (seen, upper_seen))
     # What a cloud lacks is lower than the highest hundredth and twentieth of all leaves.
-    rank = [(max(0.0, 1.0 - (1.0 - share) * more_above), share) for share in _QUANTILES.values()]
-    tops, tops_shown = (upper_seen.heights_m(*shares) for shares in zip(*rank, strict=True))
+    tops = upper_seen.heights_m(*(max(0.0, 1.0 - (1.0 - share) * more_above) for share in _QUANTILES.values()))
     of_height = SCATTER_OF_HEIGHT_M if shown_m is None else SCATTER_OF_TIPS_M
     of_height = max(1.0, swayed_m / of_height, found.pixel_m / fitted.pixel_of_tips_m)
     of_sway, of_leaves = (max(1.0, swayed_m / of.scatter_of_area_m) for of in (fitted, ABOUT_A_PLOT))
     of_pixel = max(1.0, found.pixel_m / FITTED_PIXELS_M[1], fitted.finest_m / found.pixel_m)
-    covered, lacked_m3 = seen.covered_m2, _LOWER * (more - 1.0) * seen.volume_m3
-    volume = seen.volume_m3 + lacked_m3
+    lacked_m3 = _LOWER * (more - 1.0) * seen.volume_m3
+    covered, volume = seen.covered_m2, seen.volume_m3 + lacked_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
     lai = None if area is None else leaf_area_m2(own, seen, found.pixel_m) / area
     hidden = 1.0 - shown_share(lai or 0.0, found.sparse.right)
@@ -244,9 +247,7 @@ def plot_traits(
     def off(share: float, scales: float, of_sway: float = of_sway) -> float:
         return float(np.hypot(of_sway * of_pixel * share, scales * doubt))
 
-    tall = tops[-1] > fitted.tallest_m
     of_quantiles = np.hypot(off_m(of_sway * _QUANTILE_ERROR_M), _OF_LACKED * (tops_shown - tops))
-    of_volume = (off(VOLUME_ERROR, 3.0) * volume, ground_m * covered, _OF_LACKED * lacked_m3)
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), off_m(of_height * HEIGHT_ERROR_M)),
         **{
@@ -256,21 +257,24 @@ def plot_traits(
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, off(AREA_ERROR, 2.0) * (cover or 0.0)),
         "covered_area_m2": (covered, off(AREA_ERROR, 2.0) * covered),
-        "canopy_volume_m3": (volume, float(np.linalg.norm(of_volume))),
+        "canopy_volume_m3": (
+            volume,
+            math.hypot(off(VOLUME_ERROR, 3.0) * volume, ground_m * covered, _OF_LACKED * lacked_m3),
+        ),
         "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0, of_leaves), hidden)) * (lai or 0.0)),
     }
     if outline.cover is not None and area is not None:
-        covered = by_gaps
-        of_edges = 2.0 * math.sqrt(covered * (area - covered))
-        off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, 2.0 * doubt * covered)
-        values["covered_area_m2"] = covered, off_m2
+        of_edges = 2.0 * math.sqrt(by_gaps * (area - by_gaps))
+        off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, 2.0 * doubt * by_gaps)
+        values["covered_area_m2"] = by_gaps, off_m2
         values["cover_percent"] = 100.0 * outline.cover, 100.0 * off_m2 / area
     if tall:
         reason = (
             f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "
             "over them"
         )
-        unknown = dict.fromkeys(values if outline.cover is None else _NOT_OF_TALL, reason) | unknown
+        lost = (*_OF_HEIGHT, "lai") if more > _MOST_LACKED else _NOT_OF_TALL
+        unknown = dict.fromkeys(values if outline.cover is None else lost, reason) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:

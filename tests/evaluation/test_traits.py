@@ -107,24 +107,21 @@ class TestValues:
         assert sides[0] == pytest.approx(0.3 - 2 * 1.93 * still.pixel_m, abs=1.5 * still.pixel_m)
         assert sides[1] - sides[0] == pytest.approx(2 * 0.155 * 4.0 * still.pixel_m, rel=0.25)
 
-    def test_tall_plants_of_a_flight_have_traits_by_gaps_between_leaves(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("fieldkit.evaluation.traits.OF_FLIGHTS", replace(OF_FLIGHTS, tallest_m=0.1))
-        outline = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)), of_flight=True)
-        assert "higher than 0.1 m" in traits(found(), outline).unknown["height_p95_m"]
-        by_gaps = traits(found(), replace(outline, cover=0.8))
-        assert set(by_gaps.unknown) - COUNTS == {"height_m", "lai"}
-        assert by_gaps.covered_area_m2 == pytest.approx(0.8 * 0.16)
-        assert by_gaps.cover_error_percent == pytest.approx(4.0, rel=0.02)
-
-    def test_leaves_that_a_cloud_lacks_are_its_lower_ones(self) -> None:
+    def test_leaves_that_clouds_of_tall_plants_lack_are_lower_ones(self, monkeypatch: pytest.MonkeyPatch) -> None:
         points = leaf(side=0.3, count=180_000).points
         slope = found(Cloud(points + np.outer(0.2 * points[:, 0], (0.0, 0.0, 1.0))))  # 0.12 to 0.18 m high
         outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
-        whole, lacking = (traits(slope, replace(outline, cover=cover)) for cover in (None, 0.4))
-        more = 0.4 * 0.36 / whole.covered_area_m2
-        assert lacking.canopy_volume_m3 == pytest.approx((0.5 + 0.5 * more) * whole.canopy_volume_m3)
-        assert whole.height_p95_m - lacking.height_p95_m == pytest.approx(0.05 * (more - 1.0) * 0.06, abs=0.0005)
-        assert lacking.canopy_volume_error_m3 > whole.canopy_volume_error_m3
+        whole = traits(slope, outline)
+        monkeypatch.setattr("fieldkit.evaluation.traits.OF_FLIGHTS", replace(OF_FLIGHTS, tallest_m=0.1))
+        told, lost, alone = (traits(slope, replace(outline, cover=cover)) for cover in (0.4, 0.6, None))
+        more = told.covered_area_m2 / whole.covered_area_m2
+        assert told.canopy_volume_m3 == pytest.approx((0.5 + 0.5 * more) * whole.canopy_volume_m3)
+        assert whole.height_p95_m - told.height_p95_m == pytest.approx(0.05 * (more - 1.0) * 0.06, abs=0.0005)
+        assert told.canopy_volume_error_m3 > whole.canopy_volume_error_m3
+        assert told.cover_error_percent == pytest.approx(10.0 * np.sqrt(0.4 * 0.6), rel=0.02)
+        assert set(told.unknown) - COUNTS == {"height_m", "lai"}
+        assert set(lost.unknown) - COUNTS == OF_HEIGHT | {"lai"}
+        assert "higher than 0.1 m" in alone.unknown["cover_percent"]
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()
