@@ -112,7 +112,7 @@ def run_trials(
         tuning, _, stage = named.rpartition("-")
         seed = TUNING_SEED if tuning else SEEDS[stage]  # type: ignore[index]
         flight = fly(work / named / kind, seed, stage, FLIGHTS[kind], progress)  # type: ignore[arg-type]
-        _PEAK.write_text("5")  # forgets that of drawing (proc(5))
+        _PEAK.write_text("5", "ascii")  # forgets that of drawing (proc(5))
         context = Context(cache, progress, workers=workers)
         report = evaluate_flight(
             flight.photographs, flight.plots, flight.folder / SCORES, None, context, overwrite=True
@@ -152,7 +152,7 @@ def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
             held += value - below <= true <= value + above
         rmse[trait] = _rms(errors)
         had[trait], within[trait] = len(errors), held
-    memory_gb = int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) / 1e6
+    memory_gb = int(Path("/proc/self/status").read_text("ascii").partition("VmHWM:")[2].split()[0]) / 1e6
     soil = read_scene(flight.folder / SCENE_FILE).plot.soil
     near, hidden_m = [], []
     for plot, seen in _surfaces(flight, report):
