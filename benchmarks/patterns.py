@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import cast
 
 import shapely
 
 from benchmarks.result import Cell, ResultTable, StudyResult
-from benchmarks.trials import SEEDS
+from benchmarks.trials import SEEDS, block_named
 from fieldkit.planning.patterns.block import LAYOUT, ROWS_DEG, Block
 from fieldkit.planning.patterns.front import FrontPattern, PatternWorth, front_of, over
 from fieldkit.planning.patterns.objective import PatternEvaluation, evaluate
@@ -59,10 +58,8 @@ def run_patterns(stages: Sequence[str], *, work: Path, progress: Progress) -> St
     """
     rows, figures = [], {}
     for asked in stages or SEEDS:
-        named, _, number = asked.partition("/")
-        tuning, _, of = named.rpartition("-")
-        stage = cast(Stage, of)
-        seed, patterns = _TUNING_SEED if tuning else SEEDS[stage], _patterns(stage, number)
+        named, stage, seed, number = block_named(asked, _TUNING_SEED)
+        patterns = _patterns(stage, number)
         files = {name: work / f"{named}-{name.replace(' ', '-')}.json" for name in patterns}
         if not all(file.is_file() for file in files.values()):
             block = Block.of(replace(LAYOUT, stage=stage, seed=seed))
@@ -77,9 +74,19 @@ def run_patterns(stages: Sequence[str], *, work: Path, progress: Progress) -> St
             made = PatternEvaluation(**json.loads(file.read_text("utf-8")))
             rows.append(_row(f"{named}: {name}", patterns[name], made))
             figures[f"{named}: {name}"] = asdict(made)
-    columns = ("Pattern", "minutes>", "photographs a plot>", "taken; right>", "within 20 mm>", "−r, mm>")
-    traits = ("95 % of height, cm>", "99 %>", "cover>", "volume>")
-    table = ResultTable("Patterns", columns + traits, tuple(rows))
+    columns = (
+        "Pattern",
+        "minutes>",
+        "photographs a plot>",
+        "taken; right>",
+        "within 20 mm>",
+        "−r, mm>",
+        "95 % of height, cm>",
+        "99 %>",
+        "cover>",
+        "volume>",
+    )
+    table = ResultTable("Patterns", columns, tuple(rows))
     return StudyResult(
         "patterns",
         "Patterns of passes over trials",

@@ -51,8 +51,6 @@ _TRAITS = {
     "lai": "lai",
 }
 """Traits, and the truth's columns of these."""
-_PEAK = Path("/proc/self/clear_refs")
-"""Linux's file that sets a process's peak of memory anew."""
 _RELATIVE = ("canopy_volume_m3", "lai")
 """Traits whose errors are shares of the truth."""
 
@@ -108,14 +106,16 @@ def run_trials(
     """
     results = []
     for block in blocks or BLOCKS:
-        named, _, kind = block.partition("/")
-        tuning, _, stage = named.rpartition("-")
-        seed = TUNING_SEED if tuning else SEEDS[stage]  # type: ignore[index]
-        flight = fly(work / named / kind, seed, stage, FLIGHTS[kind], progress)  # type: ignore[arg-type]
-        _PEAK.write_text("5", "ascii")  # forgets that of drawing (proc(5))
-        context = Context(cache, progress, workers=workers)
+        named, stage, seed, kind = block_named(block, TUNING_SEED)
+        flight = fly(work / named / kind, seed, stage, FLIGHTS[kind], progress)
+        Path("/proc/self/clear_refs").write_text("5", "ascii")  # forgets the peak of memory in drawing (proc(5))
         report = evaluate_flight(
-            flight.photographs, flight.plots, flight.folder / SCORES, None, context, overwrite=True
+            flight.photographs,
+            flight.plots,
+            flight.folder / SCORES,
+            None,
+            Context(cache, progress, workers=workers),
+            overwrite=True,
         )
         results.append(judge(block, flight, report))
     return StudyResult(
@@ -125,6 +125,13 @@ def run_trials(
         notes=(_NOTE,),
         figures={"blocks": [asdict(result) for result in results]},
     )
+
+
+def block_named(asked: str, tuning_seed: int) -> tuple[str, Stage, int, str]:
+    """The name, stage and seed of a block such as V10 or tuning-V10, and what stands behind a slash."""
+    named, _, behind = asked.partition("/")
+    tuning, _, stage = named.rpartition("-")
+    return named, stage, tuning_seed if tuning else SEEDS[stage], behind  # type: ignore[index, return-value]
 
 
 def judge(block: str, flight: Flight, report: EvaluationReport) -> Judged:
@@ -198,8 +205,7 @@ def _surfaces(flight: Flight, report: EvaluationReport) -> list[tuple[PlotEvalua
 def _middle(plot: PlotEvaluation) -> FloatArray:
     """(1, 2) of a plot's volume."""
     assert plot.volume is not None
-    low, high = np.array(plot.volume.lower_m), np.array(plot.volume.upper_m)
-    middle: FloatArray = 0.5 * (low + high)[None, :2]
+    middle: FloatArray = np.mean([plot.volume.lower_m, plot.volume.upper_m], axis=0)[None, :2]
     return middle
 
 

@@ -26,7 +26,7 @@ _REMEDY = "Save it again with Mission Planner or QGroundControl, or export it wi
 
 def waypoints_bytes(items: Sequence[MissionItem], *, home: Home) -> bytes:
     """A .waypoints file of items without home, which is row 0; its altitude is written as 0 where it is not known."""
-    place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
+    place = (home.latitude_deg, home.longitude_deg, home.amsl_m or 0.0)
     rows = [MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *place)), *items]
     lines = [HEADER]
     for seq, item in enumerate(definite(rows)):
