@@ -87,13 +87,7 @@ def run_patterns(stages: Sequence[str], *, work: Path, progress: Progress) -> St
         "volume>",
     )
     table = ResultTable("Patterns", columns, tuple(rows))
-    return StudyResult(
-        "patterns",
-        "Patterns of passes over trials",
-        tables=(table,),
-        notes=(_NOTE,),
-        figures=figures,
-    )
+    return StudyResult("patterns", "Patterns of passes over trials", tables=(table,), notes=(_NOTE,), figures=figures)
 
 
 def _patterns(stage: Stage, number: str) -> dict[str, FrontPattern]:

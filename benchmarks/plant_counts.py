@@ -54,11 +54,7 @@ def run_plant_counts(scenes: Sequence[str] = (), *, progress: Progress) -> Study
                 ("scene", "true>", "counted>", "gaps>", "why not"),
                 tuple((row["scene"], row["true"], row["counted"], row["gaps"], row["why"]) for row in rows),
             ),
-            ResultTable(
-                "Errors of plants",
-                _COLUMNS,
-                tuple(cell for cell in cells if cell),
-            ),
+            ResultTable("Errors of plants", _COLUMNS, tuple(filter(None, cells))),
         ),
         notes=("Counts are right, or refused with the reason. The outline is the footprint of the scene's volume.",),
         figures={"plots": rows},

@@ -131,7 +131,7 @@ def reference_of_set(name: str, data: Path, output: Path, *, cache: StageCache, 
         points=report.points,
         scene_points=report.scene_points,
         recall=recall,
-        crs_epsg=read_las(laz).crs_epsg if laz.is_file() else None,
+        crs_epsg=read_las(laz).crs.to_epsg() if laz.is_file() else None,
         seconds=report.seconds,
         cpu_seconds=report.cpu_seconds,
     )

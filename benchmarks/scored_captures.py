@@ -203,12 +203,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     try:
         found = reconstruct(read, settings, context=Context(cache))
     except ReconstructionError as error:
-        plot = failed_plot(
-            name,
-            error,
-            photographs=len(read.photos),
-            spent=spent,
-        )
+        plot = failed_plot(name, error, photographs=len(read.photos), spent=spent)
     else:
         plot = plot_evaluation(
             name,

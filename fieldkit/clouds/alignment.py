@@ -114,7 +114,21 @@ def icp(
         coarse_moving = voxel_thin(moving, edge)
         transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
     result = Similarity(1.0, np.eye(3), middle).after(transform)
-    return result, _stats(source, kept, result, distance, max_distance_m, converged)
+    before, _ = kept.index.nearest(source.points)
+    distances, _ = kept.index.nearest(result.apply(source.points))
+    paired = distances[distances <= distance]
+    centroid = source.points.mean(axis=0)
+    return result, AlignmentStats(
+        converged=converged,
+        overlap=len(paired) / len(distances),
+        before_m=float(np.minimum(before, max_distance_m).mean()),
+        after_m=float(np.minimum(distances, max_distance_m).mean()),
+        rms_m=float(np.sqrt(np.mean(paired**2))) if len(paired) else float("nan"),
+        pair_distance_m=distance,
+        shift_m=float(np.linalg.norm(result.apply(centroid) - centroid)),
+        rotation_deg=rotation_angle_deg(result.rotation, np.eye(3)),
+        scale=result.scale,
+    )
 
 
 def icp_onto_reference(
@@ -225,23 +239,3 @@ def _scaling_step(
     about_middle = Similarity(1.0 + float(solution[6]), rotation_from_vector(solution[:3]), solution[3:6])
     back = Similarity(1.0, np.eye(3), middle)
     return back.after(about_middle).after(back.inverse())
-
-
-def _stats(
-    source: Cloud, target: ReferenceIndex, result: Similarity, distance: float, reach: float, converged: bool
-) -> AlignmentStats:
-    before, _ = target.index.nearest(source.points)
-    distances, _ = target.index.nearest(result.apply(source.points))
-    paired = distances[distances <= distance]
-    centroid = source.points.mean(axis=0)
-    return AlignmentStats(
-        converged=converged,
-        overlap=len(paired) / len(distances),
-        before_m=float(np.minimum(before, reach).mean()),
-        after_m=float(np.minimum(distances, reach).mean()),
-        rms_m=float(np.sqrt(np.mean(paired**2))) if len(paired) else float("nan"),
-        pair_distance_m=distance,
-        shift_m=float(np.linalg.norm(result.apply(centroid) - centroid)),
-        rotation_deg=rotation_angle_deg(result.rotation, np.eye(3)),
-        scale=result.scale,
-    )

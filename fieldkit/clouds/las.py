@@ -52,8 +52,6 @@ class LasCloud:
 
     cloud: Cloud
     """In the system's own coordinates (for UTM easting, northing and height), metres."""
-    crs_epsg: int | None
-    """Its EPSG code; None where it has none, or one in feet, since the points are metres."""
     crs: Any = None
     """Pyproj's of what the file says its coordinates are in, or None."""
     units_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -186,11 +184,10 @@ def _read(laspy: Any, file: BinaryIO) -> LasCloud:
             oriented[~np.isfinite(oriented).all(axis=1)] = 0.0
         crs = _crs(header)
         units = _units(header, crs)
-        metres = (units == 1.0).all()
-        cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
-        epsg = crs.to_epsg() if crs is not None and metres else None
+        xyz *= units
+        cloud = Cloud(xyz, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
         step = float(np.max(np.asarray(header.scales) * units))
-        return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])), step, left_out)
+        return LasCloud(cloud, crs, (float(units[0]), float(units[1]), float(units[2])), step, left_out)
 
 
 def _check_sizes(file: BinaryIO) -> None:

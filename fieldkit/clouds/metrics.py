@@ -49,8 +49,6 @@ class CloudScore:
     """The symmetric distance and its directed terms."""
     f_scores: dict[float, FScore]
     """By distance in metres, ascending."""
-    reference_points: int
-    estimate_points: int
 
 
 class ReferenceIndex:
@@ -99,8 +97,6 @@ def score_distances(
     return CloudScore(
         chamfer=_chamfer(to_reference, to_estimate),
         f_scores={d: _f_score(to_reference, to_estimate, d) for d in thresholds},
-        reference_points=len(to_estimate),
-        estimate_points=len(to_reference),
     )
 
 

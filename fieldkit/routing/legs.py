@@ -163,42 +163,27 @@ def _go_around(
     bottom = np.full(len(rows), -1e6)
     a, b = legs.a[rows], legs.b[rows]
     crossed = obstacles.prisms.met(np.column_stack([a[:, :2], bottom]), np.column_stack([b[:, :2], bottom]))
+    left = np.arange(len(rows))
     # Whole bodies at first, so that legs at many heights share a search; those that find no way so, solid by solid.
-    by_body = np.searchsorted(np.sort(obstacles.body_tops[crossed]), floor, side="right")
-    left = _try(by_body, np.arange(len(rows)), floor, level, rows, legs, obstacles, speeds)
-    by_solid = np.searchsorted(np.sort(obstacles.tops[crossed]), floor, side="right")
-    _try(by_solid, left, floor, level, rows, legs, obstacles, speeds)
-
-
-def _try(
-    kinds: NDArray[np.intp],
-    tried: NDArray[np.intp],
-    floor: FloatArray,
-    level: FloatArray | None,
-    rows: NDArray[np.intp],
-    legs: Legs,
-    obstacles: Obstacles,
-    speeds: Speeds,
-) -> NDArray[np.intp]:
-    """Take the ways found for those of a kind together; those of the rows that are tried for which there is none."""
-    a, b = legs.a[rows], legs.b[rows]
-    none: list[int] = []
-    for kind in np.unique(kinds[tried]):
-        some = tried[kinds[tried] == kind]
-        plans = ways_around(a[some, :2], b[some, :2], float(floor[some].min()), obstacles, speeds)
-        paths = {
-            int(row): _at_level(a[row], b[row], plan, None if level is None else float(level[row]))
-            for row, plan in zip(some, plans, strict=True)
-            if plan is not None
-        }
-        none.extend(int(row) for row in some if int(row) not in paths)
-        if not paths:
-            continue
-        stretches = np.concatenate([stretch_time_s(path[:-1], path[1:], speeds) for path in paths.values()])
-        firsts = np.cumsum([0, *(len(path) - 1 for path in paths.values())])[:-1]
-        for (row, path), seconds in zip(paths.items(), np.add.reduceat(stretches, firsts), strict=True):
-            _keep_quicker(int(rows[row]), path, float(seconds), legs)
-    return np.array(none, dtype=np.intp)
+    for tops in (obstacles.body_tops, obstacles.tops):
+        kinds, tried = np.searchsorted(np.sort(tops[crossed]), floor, side="right"), left
+        none: list[int] = []
+        for kind in np.unique(kinds[tried]):
+            some = tried[kinds[tried] == kind]
+            plans = ways_around(a[some, :2], b[some, :2], float(floor[some].min()), obstacles, speeds)
+            paths = {
+                int(row): _at_level(a[row], b[row], plan, None if level is None else float(level[row]))
+                for row, plan in zip(some, plans, strict=True)
+                if plan is not None
+            }
+            none.extend(int(row) for row in some if int(row) not in paths)
+            if not paths:
+                continue
+            stretches = np.concatenate([stretch_time_s(path[:-1], path[1:], speeds) for path in paths.values()])
+            firsts = np.cumsum([0, *(len(path) - 1 for path in paths.values())])[:-1]
+            for (row, path), seconds in zip(paths.items(), np.add.reduceat(stretches, firsts), strict=True):
+                _keep_quicker(int(rows[row]), path, float(seconds), legs)
+        left = np.array(none, dtype=np.intp)
 
 
 def _keep_quicker(index: int, path: FloatArray, seconds: float, legs: Legs) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -35,11 +35,6 @@ class Line:
         """(2, 3) first place, and half a spacing behind the last one, so that its photograph is not lost."""
         first, last = self.stations_m[0], self.stations_m[-1]
         return np.array([first, last + 0.5 * (last - self.stations_m[-2]) if len(self.stations_m) > 1 else last])
-
-    @property
-    def reversed(self) -> Line:
-        """The same, flown the other way."""
-        return Line(self.yaw_deg, self.pitch_deg, self.stations_m[::-1])
 
     @property
     def poses(self) -> list[Pose]:
@@ -117,7 +112,7 @@ def _to_and_fro(lines: Sequence[Line], start_m: FloatArray | None) -> list[Line]
         at = flown[-1].stations_m[-1] if flown else start_m
         ends = line.stations_m[[0, -1]]
         turned = at is not None and bool(np.diff(np.linalg.norm(ends - at, axis=1))[0] < 0.0)
-        flown.append(line.reversed if turned else line)
+        flown.append(replace(line, stations_m=line.stations_m[::-1]) if turned else line)
     return flown
 
 
@@ -137,6 +132,13 @@ def fastest_mps(pattern: Pattern, vehicle: Vehicle, plants_m: float = 0.0) -> fl
     return min(pixel_m / vehicle.trigger.shutter_s, pattern.along_m / vehicle.trigger.interval_s)
 
 
+def pass_time(
+    lines: Sequence[Line], vehicle: Vehicle, speed_mps: float, home_m: Sequence[float] | None = None
+) -> float:
+    """Seconds in the air of all flights over lines (`pass_flights`)."""
+    return sum(flight.seconds for flight in pass_flights(lines, vehicle, speed_mps, home_m))
+
+
 @dataclass(frozen=True)
 class PassFlight:
     """Lines that are flown on one battery."""
@@ -145,15 +147,6 @@ class PassFlight:
     """Indices."""
     seconds: float
     """From take-off to standing motors."""
-    battery: float
-    """Share of one battery's usable time."""
-
-
-def pass_time(
-    lines: Sequence[Line], vehicle: Vehicle, speed_mps: float, home_m: Sequence[float] | None = None
-) -> float:
-    """Seconds in the air of all flights over lines (`pass_flights`)."""
-    return sum(flight.seconds for flight in pass_flights(lines, vehicle, speed_mps, home_m))
 
 
 def pass_flights(
@@ -189,8 +182,7 @@ def pass_flights(
         seconds = over_s[first : most_lines and first + most_lines] - over_s[first] + on_line_s[first]
         seconds += out_s[first] + back_s[first : first + len(seconds)]
         count = max(1, int(np.flatnonzero(seconds <= vehicle.battery.usable_s).max(initial=0)) + 1)
-        whole_s = float(seconds[count - 1])
-        flights.append(PassFlight(range(first, first + count), whole_s, whole_s / vehicle.battery.usable_s))
+        flights.append(PassFlight(range(first, first + count), float(seconds[count - 1])))
         first += count
     return tuple(flights)
 

@@ -78,7 +78,7 @@ def test_photographs_are_taken_on_lines_and_nowhere_else(tmp_path, vehicle, form
     read = read_mission(done.files[0])
     assert not read.refused
     if not read.items:
-        assert sum(len(stop.repeats) for stop in read.stops) == len(lines)
+        assert sum(len(stop.onwards) for stop in read.stops) == len(lines)
         return
     starts = {Command.DO_SET_CAM_TRIGG_DIST: 0, Command.IMAGE_START_CAPTURE: 1}
     on, switched = False, 0

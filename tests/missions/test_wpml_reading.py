@@ -5,6 +5,7 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 
 from fieldkit.missions.autopilots.execution import distance
@@ -49,6 +50,7 @@ EAST = facing()
 HOVER = action("hover", hoverTime=4)
 PHOTO = action("takePhoto") + action("hover", hoverTime=1)
 SHOT = HOVER + PHOTO
+ALONG = {"trigger": "betweenAdjacentPoints"}
 
 
 def at(waypoint: int, *actions: str, **how: str) -> str:
@@ -303,6 +305,35 @@ def test_photographs_on_the_way_are_foretold(trigger: str, every: float, number:
         apart = by_distance if trigger == "multipleDistance" else shot.time_s - before.time_s
         assert apart == pytest.approx(every, abs=1e-3)
     assert "not-modelled" in [f.code for f in report.findings]
+
+
+def test_a_survey_as_dji_pilot_writes_it_is_foretold() -> None:
+    begin = group(0, 3, action("gimbalAngleLock"), tilt(-70), action("startTimeLapse", minShootInterval=1.5), **ALONG)
+    again = group(0, 3, tilt(-70), trigger="multipleTiming", every=2)
+    end = group(3, 3, action("stopTimeLapse"), action("gimbalAngleUnlock"))
+    report = checked(EAST + begin + again, EAST, EAST, EAST + end)
+    assert {(shot.heading_deg, shot.pitch_deg) for shot in report.photographs} == {(90.0, -70.0)}
+    times = [shot.time_s for shot in report.photographs]
+    assert np.diff(times) == pytest.approx(1.5)
+    assert distance(report.photographs[0].place, report.photographs[-1].place)[0] == pytest.approx(3 * STEP_M, abs=3.0)
+    assert codes(report) == {"not-modelled"}
+    endless = checked(EAST + begin, EAST, EAST)
+    assert "photo-interval" in codes(endless)
+    other = group(0, 1, action("startTimeLapse", minShootInterval=2, payloadLensIndex="ir"), **ALONG)
+    assert "other-camera" in codes(checked(EAST + other, at(1, tilt(-30), SHOT)))
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [
+        (tilt(-5, "relativeAngle"),),
+        (action("startTimeLapse"),),
+        (action("startTimeLapse", minShootInterval=0),),
+        (action("startSmartOblique", smartObliqueCycleMode="unlimited"),),
+    ],
+)
+def test_what_a_survey_does_that_cannot_be_foretold_is_refused(actions: tuple[str, ...]) -> None:
+    assert refused(checked(EAST + group(0, 1, *actions, **ALONG), at(1, tilt(-30), SHOT)))
 
 
 def test_actions_before_the_wayline() -> None:

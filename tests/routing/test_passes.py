@@ -79,7 +79,7 @@ def test_flights_are_whole_lines_that_a_battery_takes():
     flights = pass_flights(lines, vehicle, 2.0, (40.0, 0.0))
     assert [k for flight in flights for k in flight.lines] == list(range(len(lines)))
     assert len(flights) > 1
-    assert all(0.8 < flight.battery <= 1.0 for flight in flights[:-1])
+    assert all(0.8 < flight.seconds / vehicle.battery.usable_s <= 1.0 for flight in flights[:-1])
     few = pass_flights(lines, vehicle, 2.0, (40.0, 0.0), most_lines=4)
     assert max(len(flight.lines) for flight in few) == 4
     assert len(few) == -(-len(lines) // 4)

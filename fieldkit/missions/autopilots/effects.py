@@ -4,8 +4,9 @@
 not in its table, or whose row gives None, could change a photograph in a way that fieldkit does not know: the mission
 is refused by that command's name. Rows without effects move no camera and release no shutter.
 
-WPML as in DJI's Cloud API documentation ("DJI WPML", common elements). That a relative angle of the gimbal counts from
-where the gimbal is, is from DJI's Mobile SDK ("GimbalAngleRotationMode"): the Cloud API's words are about yaw alone.
+WPML as in DJI's Cloud API documentation ("DJI WPML", common elements); the time lapse and the lock of the gimbal are in
+no document, and as DJI Pilot 2 writes surveys. That a relative angle of the gimbal counts from where the gimbal is, is
+from DJI's Mobile SDK ("GimbalAngleRotationMode"): the Cloud API's words are about yaw alone.
 """
 
 from __future__ import annotations
@@ -439,16 +440,23 @@ def _oriented_shoot(values: Values) -> Effects | None:
     return (*(turn(angle) for turn, angle in given if angle is not None), shoot)
 
 
+def _time_lapse(values: Values) -> Effects | None:
+    every = _number(values, "minShootInterval")
+    return (Repeat(every, "s"),) if every and every > 0.0 else None
+
+
 WPML: Mapping[str, Row[[Values]]] = {
     "takePhoto": (Shoot(),),
+    "startTimeLapse": _time_lapse,
+    "stopTimeLapse": (Cease("s"),),
     "hover": lambda values: (Stay(_seconds(_number(values, "hoverTime") or 0.0)),),
     "rotateYaw": _rotate_yaw,
     "gimbalRotate": _gimbal_rotate,
     "orientedShoot": _oriented_shoot,
     "accurateShoot": _oriented_shoot,
     **dict.fromkeys(
-        ("stopRecord", "stopTimeLapse", "stopContinuousShooting", "focus", "setFocusType", "customDirName", "megaphone",
-         "searchlight"),
+        ("stopRecord", "stopContinuousShooting", "focus", "setFocusType", "customDirName", "megaphone", "searchlight",
+         "gimbalAngleLock", "gimbalAngleUnlock"),
         (),
     ),
 }  # fmt: skip

@@ -300,7 +300,7 @@ def _fly_stops(log: _Log, read: ReadMission, vehicle: Vehicle) -> State:
     for before, stop in zip((None, *read.stops[:-1]), read.stops, strict=True):
         state = _do(craft, log, state, stop.number, *stop.before)
         state = _at_stop(craft, log, state, before, stop, ends.speed_mps)
-        state = _do(craft, log, state, stop.number, *stop.ceases, *stop.actions, *stop.repeats)
+        state = _do(craft, log, state, stop.number, *stop.ceases, *stop.actions, *stop.onwards)
     return _do(craft, log, state, last.number, *ends.finish)
 
 

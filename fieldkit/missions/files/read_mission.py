@@ -41,17 +41,22 @@ class ReadStop:
     before: Effects = ()  # done before the way to it
     ceases: Effects = ()  # what is not photographed on the way any more from there on
     actions: Effects = ()  # done there, one after the other
-    repeats: Effects = ()  # what is, after the actions
+    onwards: Effects = ()  # done in passing after the actions: photographs on the way, and the gimbal for them
     stops: bool = True  # the vehicle stands still there
     speed_mps: float | None = None  # towards the next one
 
 
 def in_passing(stops: list[ReadStop], every: float, unit: Unit, start: int, end: int) -> Finding:
     """Let photographs be taken at intervals of so many seconds or metres from one of the stops to another."""
-    stops[start] = replace(stops[start], repeats=(*stops[start].repeats, Repeat(every, unit)))
+    stops[start] = replace(stops[start], onwards=(*stops[start].onwards, Repeat(every, unit)))
     stops[end] = replace(stops[end], ceases=(*stops[end].ceases, Cease(unit)))
+    return first_at_once(stops[start].number)
+
+
+def first_at_once(number: int) -> Finding:
+    """What is taken for granted of photographs on the way."""
     message = "no document says whether the first of its photographs on the way is taken at once: taken to be"
-    return warning("not-modelled", message, stops[start].number)
+    return warning("not-modelled", message, number)
 
 
 LAND = Go(MissionItem(Command.NAV_LAND, Frame.GLOBAL_RELATIVE_ALT, (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0)), "land")

@@ -30,6 +30,7 @@ from fieldkit.missions.autopilots.effects import (
     Effects,
     Go,
     Pan,
+    Repeat,
     Shoot,
     Tilt,
     Unit,
@@ -38,7 +39,16 @@ from fieldkit.missions.autopilots.effects import (
     effects_of,
 )
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
-from fieldkit.missions.files.read_mission import LAND, RETURN, Ends, Facing, ReadMission, ReadStop, in_passing
+from fieldkit.missions.files.read_mission import (
+    LAND,
+    RETURN,
+    Ends,
+    Facing,
+    ReadMission,
+    ReadStop,
+    first_at_once,
+    in_passing,
+)
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.findings import warning
 from fieldkit.missions.items import Command, Frame, MissionItem
@@ -53,6 +63,10 @@ _SAME_DEG = 0.05
 _COLOUR = frozenset({"wide", "visable", "visible"})
 """payloadLensIndex of a colour camera; the second is DJI's spelling. Others are "zoom", "ir" and "narrow_band"."""
 _INTERVALS: dict[str, Unit] = {"multipleTiming": "s", "multipleDistance": "m"}
+_BETWEEN = "betweenAdjacentPoints"
+_LASTING = frozenset({"gimbalAngleLock", "gimbalRotate", "startTimeLapse"})
+"""What DJI Pilot 2 does again and again along its surveys: it is the same from the first time on."""
+_PHOTOGRAPHS = Shoot, Repeat
 
 
 def read_wpml(path: Path) -> ReadMission:
@@ -76,15 +90,12 @@ def _read(data: bytes) -> ReadMission:
     config = Element("missionConfig") if config is None else config
     template = _template(data)
     position = config.findtext("payloadInfo/payloadPositionIndex") or "0"
-    # By template.
     reader = _Reader(
         _set_pitches(template),
-        (
-            {
-                folder.findtext("templateId", "0"): folder.findtext("payloadParam/imageFormat", "")
-                for folder in template.iter("Folder")
-            }
-        ),
+        {
+            folder.findtext("templateId", "0"): folder.findtext("payloadParam/imageFormat", "")
+            for folder in template.iter("Folder")
+        },
         position,
     )
     for folder in folders:
@@ -260,9 +271,9 @@ class _Reader:
         start = folder.find("startActionGroup")
         if start is not None and len(self.stops) > first:
             before = self._effects(start.iter("action"), first)
-            if any(isinstance(effect, Shoot) for effect in before):
+            if any(isinstance(effect, _PHOTOGRAPHS) for effect in before):
                 self._refuse(first, "a photograph before the way to its first waypoint")
-            turns = tuple(effect for effect in before if not isinstance(effect, Shoot))
+            turns = tuple(effect for effect in before if not isinstance(effect, _PHOTOGRAPHS))
             self.stops[first] = replace(self.stops[first], before=turns)
         for element, own, here in groups:  # in the order of the file; those of one waypoint run one after the other
             self._place(element, own, here, places)
@@ -347,7 +358,7 @@ class _Reader:
             self._refuse(here, f"an action group for waypoint {first}, which the wayline has not")
         elif trigger == "reachPoint" and group.findtext("actionGroupMode") in (None, "", "sequence") and end <= start:
             self.actions[start] += self._effects(elements, here)
-        elif trigger == "betweenAdjacentPoints" and functions == ["gimbalEvenlyRotate"] and end == start + 1:
+        elif trigger == _BETWEEN and functions == ["gimbalEvenlyRotate"] and end == start + 1:
             values = _values(elements[0])
             pitch = number(values.get("gimbalPitchRotateAngle", ""))
             if whose := self._other(values)[0]:
@@ -359,6 +370,13 @@ class _Reader:
         elif trigger in _INTERVALS and functions == ["takePhoto"] and every and every > 0.0 and end > start:
             if self._effects(elements, here):
                 self.remarks.append(in_passing(self.stops, every, _INTERVALS[trigger], start, end))
+        elif (
+            trigger in (_BETWEEN, *_INTERVALS)
+            and _LASTING.issuperset(functions)
+            and all(mode.text != "relativeAngle" for mode in group.iter("gimbalRotateMode"))
+        ):
+            stop = self.stops[start]
+            self.stops[start] = replace(stop, onwards=stop.onwards + self._effects(elements, here))
         elif functions:
             several = f"waypoints {start} to {end}" if trigger == "reachPoint" and end > start else ""
             how = ", ".join(text[:30] for text in (trigger, group.findtext("actionGroupMode", ""), several) if text)
@@ -371,23 +389,25 @@ class _Reader:
         for element in elements:
             function, values = element.findtext("actionActuatorFunc", ""), _values(element)
             done = effects_of(WPML, function, values)
-            whose, lost = self._other(values, shoots=any(isinstance(effect, Shoot) for effect in done or ()))
+            whose, lost = self._other(values, shoots=any(isinstance(effect, _PHOTOGRAPHS) for effect in done or ()))
             if whose:
                 self._tell_other(function, whose, here)
             elif done is None:
                 self._refuse(here, f"the action {function[:40]!r}")
-            effects += [effect for effect in done or () if not isinstance(effect, lost)]
+            kept = [effect for effect in done or () if not isinstance(effect, lost)]
+            self.remarks += [first_at_once(here) for effect in kept if isinstance(effect, Repeat)]
+            effects += kept
         return tuple(effects)
 
     def _other(self, values: Values, *, shoots: bool = False) -> tuple[str, tuple[type, ...]]:
         """What else than the profile's camera an action is for, in words, and which effects count for nothing then."""
         payload, lens = values.get("payloadPositionIndex") or self.payload, values.get("payloadLensIndex", "")
         if payload != self.payload:
-            return f"payload {payload[:9]}", (Shoot, Tilt, Pan)
+            return f"payload {payload[:9]}", (*_PHOTOGRAPHS, Tilt, Pan)
         if self.stored and (not lens or values.get("useGlobalPayloadLensIndex") in ("1", "true")):
             lens = self.stored
         own = not shoots or not lens or not _COLOUR.isdisjoint(map(str.strip, lens.split(",")))
-        return ("", ()) if own else (f"the lens {lens[:40]}", (Shoot,))
+        return ("", ()) if own else (f"the lens {lens[:40]}", _PHOTOGRAPHS)
 
     def _tell_other(self, function: str, whose: str, here: int) -> None:
         message = f"{function} is for {whose}, and the profile's camera is payload {self.payload}'s colour lens"

@@ -99,10 +99,13 @@ def compute_depth_maps(
             for number in range(1, 1 + _passes(level)):
                 keys = [digest(_VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
+                # Photographs and agreement with the source views' depths.
                 def later(i: int, level: int = level, number: int = number, before: list[Planes] = results) -> Planes:
-                    near = [(views[j], before[j]) for j in sources[i]]
-                    random = _random_key(pixels[i], level, number)
-                    return _match_geometry(views[i], before[i], near, level, shared, random)
+                    reference, *near = (shared.reduced(views[j], level) for j in (i, *sources[i]))
+                    problem = Problem.build(reference, shared.active(reference), near, shared.packed)
+                    known = [(v, shared.active(v), before[j]) for v, j in zip(near, sources[i], strict=True)]
+                    wanted = LARGE_GEOMETRIC if _large(reference) else GEOMETRIC
+                    return problem.refine(before[i], known, _random_key(pixels[i], level, number), wanted)
 
                 results = map_threads(_cached(cache, keys, later, memory), count, workers=workers, advance=advance)
     return [
@@ -216,17 +219,6 @@ def _match(
     # A random plane per pixel finds nothing on a large level.
     starts, sweeps = (0, LARGE_SWEEPS) if _large(reference) else (1, SWEEPS)
     return problem.solve(planes, fresh, random, starts, sweeps)
-
-
-def _match_geometry(
-    view: View, first: Planes, sources: list[tuple[View, Planes]], level: int, shared: _Shared, random: np.uint64
-) -> Planes:
-    """A later pass of a level: photographs and agreement with the source views' depths."""
-    reference = shared.reduced(view, level)
-    near = [(shared.reduced(source, level), planes) for source, planes in sources]
-    problem = Problem.build(reference, shared.active(reference), [source for source, _ in near], shared.packed)
-    wanted = LARGE_GEOMETRIC if _large(reference) else GEOMETRIC
-    return problem.refine(first, [(source, shared.active(source), planes) for source, planes in near], random, wanted)
 
 
 def _large(view: View) -> bool:

@@ -325,13 +325,37 @@ def map_blindly(
         fixed_intrinsics: hold the cameras as given, else focal length and distortion are refined.
     """
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
-        database = Path(folder) / "database.db"
-        _write_database(database, names, features, cameras, camera_of, pairs, fixed_intrinsics)
+        path = Path(folder) / "database.db"
+        with pycolmap.Database.open(path) as database:
+            for index, intrinsics in enumerate(cameras):
+                camera = to_colmap_camera(intrinsics, index + 1)
+                camera.has_prior_focal_length = fixed_intrinsics
+                database.write_camera(camera, True)
+                rig = pycolmap.Rig()
+                rig.rig_id = index + 1
+                rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, index + 1))
+                database.write_rig(rig, True)
+            for index, name in enumerate(names):
+                image = pycolmap.Image(name=name, camera_id=camera_of[index] + 1, image_id=index + 1)
+                database.write_image(image, True)
+                frame = pycolmap.Frame()
+                frame.frame_id = index + 1
+                frame.rig_id = camera_of[index] + 1
+                frame.add_data_id(image.data_id)
+                database.write_frame(frame, True)
+                database.write_keypoints(index + 1, features[index].keypoints[:, :2])
+            for (i, j), pair in sorted(pairs.items()):
+                if len(pair.inliers):
+                    database.write_matches(i + 1, j + 1, pair.inliers)
+                    geometry = pycolmap.TwoViewGeometry()
+                    geometry.config = pycolmap.TwoViewGeometryConfiguration(pair.config)
+                    geometry.F, geometry.E, geometry.H = pair.fundamental, pair.essential, pair.homography
+                    geometry.inlier_matches = pair.inliers
+                    database.write_two_view_geometry(i + 1, j + 1, geometry)
         run = _incremental if method == "incremental" else _global
-        models = run(database, Path(folder), len(cameras), fixed_intrinsics, seed)
-    found = [m for m in models.values() if m.num_reg_images() >= 2]
-    found.sort(key=lambda m: (-m.num_reg_images(), -m.num_points3D()))
-    return found
+        models = run(path, Path(folder), len(cameras), fixed_intrinsics, seed)
+    found = (model for model in models.values() if model.num_reg_images() >= 2)
+    return sorted(found, key=lambda model: (-model.num_reg_images(), -model.num_points3D()))
 
 
 def _incremental(
@@ -369,48 +393,3 @@ def _global(
     options.mapper.bundle_adjustment.refine_extra_params = not fixed
     options.mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
     return pycolmap.global_mapping(database, folder, folder / "global", options)
-
-
-def _write_database(
-    path: Path,
-    names: Sequence[str],
-    features: Sequence[Features],
-    cameras: Sequence[Intrinsics],
-    camera_of: Sequence[int],
-    pairs: Mapping[tuple[int, int], TwoView],
-    fixed_intrinsics: bool,
-) -> None:
-    database = pycolmap.Database.open(path)
-    try:
-        for index, intrinsics in enumerate(cameras):
-            camera = to_colmap_camera(intrinsics, index + 1)
-            camera.has_prior_focal_length = fixed_intrinsics
-            database.write_camera(camera, True)
-            rig = pycolmap.Rig()
-            rig.rig_id = index + 1
-            rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, index + 1))
-            database.write_rig(rig, True)
-        for index, name in enumerate(names):
-            image = pycolmap.Image(name=name, camera_id=camera_of[index] + 1, image_id=index + 1)
-            database.write_image(image, True)
-            frame = pycolmap.Frame()
-            frame.frame_id = index + 1
-            frame.rig_id = camera_of[index] + 1
-            frame.add_data_id(image.data_id)
-            database.write_frame(frame, True)
-            database.write_keypoints(index + 1, features[index].keypoints[:, :2])
-        for (i, j), pair in sorted(pairs.items()):
-            if len(pair.inliers) == 0:
-                continue
-            database.write_matches(i + 1, j + 1, pair.inliers)
-            database.write_two_view_geometry(i + 1, j + 1, _two_view_geometry(pair))
-    finally:
-        database.close()
-
-
-def _two_view_geometry(pair: TwoView) -> pycolmap.TwoViewGeometry:
-    geometry = pycolmap.TwoViewGeometry()
-    geometry.config = pycolmap.TwoViewGeometryConfiguration(pair.config)
-    geometry.F, geometry.E, geometry.H = pair.fundamental, pair.essential, pair.homography
-    geometry.inlier_matches = pair.inliers
-    return geometry
