@@ -30,6 +30,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.leaf_area import leaf_area_m2, shown_share
 from fieldkit.clouds.plants_apart import LEAST_PLANTS, everywhere, find_rows, tell_apart
 from fieldkit.reconstruction import silhouettes
+from fieldkit.reconstruction.gaps import Cover
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.scale import scale_error
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -169,8 +170,8 @@ class PlotOutline:
     """Why it is not known."""
     of_flight: bool = False
     """Whether its photographs are of a flight over many plots: they overlap closely, and show neighbours, too."""
-    cover: float | None = None
-    """Share of it below plants by gaps between leaves, where photographs of a flight show them; from 0 to 1."""
+    cover: Cover | None = None
+    """By gaps between leaves, where photographs of a flight show them."""
 
 
 def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | None = None) -> PlotOutline:
@@ -223,7 +224,7 @@ def plot_traits(
         whole = canopy(points, heights, *cells[:2], seam)
         return whole if corners is None else whole.within(corners)
 
-    by_gaps = (area or 0.0) * (outline.cover or 0.0)
+    by_gaps = 0.0 if area is None or outline.cover is None else area * outline.cover.share
     seen, upper_seen = from_above(seam), from_above(min(seam, fitted.widest_seam))
     tops_shown = upper_seen.heights_m(*_QUANTILES.values())
     tall = tops_shown[-1] > fitted.tallest_m
@@ -265,9 +266,11 @@ def plot_traits(
     }
     if outline.cover is not None and area is not None:
         of_edges = 2.0 * math.sqrt(by_gaps * (area - by_gaps))
-        off_m2 = math.hypot(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, 2.0 * doubt * by_gaps)
-        values["covered_area_m2"] = by_gaps, off_m2
-        values["cover_percent"] = 100.0 * outline.cover, 100.0 * off_m2 / area
+        of_lines = max(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, area * outline.cover.error)
+        off_m2 = math.hypot(of_lines, 2.0 * doubt * by_gaps)
+        if tall or off_m2 < values["covered_area_m2"][1]:
+            values["covered_area_m2"] = by_gaps, off_m2
+            values["cover_percent"] = 100.0 * outline.cover.share, 100.0 * off_m2 / area
     if tall:
         reason = (
             f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "

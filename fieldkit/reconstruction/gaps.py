@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from fieldkit.reconstruction.dense.masks import DARKEST, green_pixels
 from fieldkit.reconstruction.dense.views import read_mask
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.results.frame import Plane
-from fieldkit.vocabulary import Mask
+from fieldkit.vocabulary import NINE_IN_TEN, Mask
 
 _STEP_M = 0.02
 """Step between places on the ground, metres: half a leaf's width."""
@@ -30,10 +31,18 @@ _BIN = 0.05
 """Width of classes of tangents of angles from the vertical."""
 _BINS = 12
 """Number of classes: up to 31°. Flatter sight lines tell less of vertical ones."""
-_STEEP = 0.35
-"""Tangent within which a tenth of the sight lines have to be."""
 _LEAST = 1000
 """Number of sight lines that tell a cover."""
+_MOST_OFF = 0.2
+"""Error beyond which a cover is none, as a share of the plot."""
+
+
+class Cover(NamedTuple):
+    """Ground below plants, as shares of a plot from 0 to 1."""
+
+    share: float
+    error: float
+    """Half the interval that holds nine in ten of such sight lines' covers."""
 
 
 class _Ground:
@@ -46,7 +55,7 @@ class _Ground:
         places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         inside = np.array([inside_outline(places, outline) for outline in outlines])
         self._points, self._inside = ground.above(places[inside.any(axis=0)]), inside[:, inside.any(axis=0)]
-        self._number, self._shown = np.zeros((2, len(outlines), _BINS**2))
+        self.number, self.shown = np.zeros((2, len(outlines), _BINS**2))
 
     def seen_by(self, camera: Intrinsics, pose: Pose) -> tuple[BoolArray, IntArray, IntArray]:
         """Which places a camera sees under steep enough angles, in which pixels, and the classes of their tangents."""
@@ -59,13 +68,9 @@ class _Ground:
 
     def count(self, used: BoolArray, classes: IntArray, plant: FloatArray) -> None:
         """Count sight lines and the chance that they end on plants."""
-        for own, number, shown in zip(self._inside[:, used], self._number, self._shown, strict=True):
+        for own, number, shown in zip(self._inside[:, used], self.number, self.shown, strict=True):
             number += np.bincount(classes[own], minlength=_BINS**2)
             shown += np.bincount(classes[own], plant[own], minlength=_BINS**2)
-
-    def covers(self) -> list[float | None]:
-        """By outline, see `cover_of`."""
-        return [cover_of(number, shown) for number, shown in zip(self._number, self._shown, strict=True)]
 
 
 def covers_by_gaps(
@@ -73,9 +78,9 @@ def covers_by_gaps(
     plots: Mapping[str, tuple[Plane | None, Sequence[Outline]]],
     mask: Mask,
     advance: Callable[[int], None] = lambda _: None,
-) -> dict[str, list[float | None]]:
-    """Shares of the ground below plants, of plots by outline, from all photographs of a flight that count; None
-    without masks or ground, and where hardly a sight line is steep.
+) -> dict[str, list[Cover | None]]:
+    """The ground below plants, of plots by outline, from all photographs of a flight that count; None without masks or
+    ground, and where too few sight lines are steep to tell.
 
     Args:
         sparse: of the flight.
@@ -94,7 +99,10 @@ def covers_by_gaps(
             for ground, used, pixels, classes in seen:
                 ground.count(used, classes, chances[pixels[:, 1] - top, pixels[:, 0] - left])
         advance(1)
-    return {name: grounds[name].covers() if name in grounds else [None] * len(of) for name, (_, of) in plots.items()}
+    return {
+        name: list(map(cover_of, grounds[name].number, grounds[name].shown)) if name in grounds else [None] * len(of)
+        for name, (_, of) in plots.items()
+    }
 
 
 def _plant_chances(image: ByteArray, given: NDArray[np.uint8] | None, window: tuple[slice, slice]) -> Float32Array:
@@ -115,11 +123,13 @@ def _plant_chances(image: ByteArray, given: NDArray[np.uint8] | None, window: tu
     return np.where(dark, np.float32(_IN_THE_DARK), inner.astype(np.float32))
 
 
-def cover_of(number: FloatArray, shown: FloatArray) -> float | None:
+def cover_of(number: FloatArray, shown: FloatArray) -> Cover | None:
     """The likeliest share of ground below plants, by numbers of sight lines and of those that end on plants.
 
     A sight line has no contact with plants with a chance of exp(−contacts) (Miller 1967). Contacts² grow with the
-    squares of its tangents, as those of leaves that are turned like an ellipsoid's surface do (Campbell 1986).
+    squares of its tangents, as those of leaves that are turned like an ellipsoid's surface do (Campbell 1986). A leaf
+    hides many sight lines, so that classes scatter by more than binomial numbers; errors are larger by as much
+    (quasi-likelihood, McCullagh and Nelder 1989).
 
     Args:
         number: by class of tangents along x and along y, (`_BINS`²,).
@@ -127,7 +137,7 @@ def cover_of(number: FloatArray, shown: FloatArray) -> float | None:
     middles = (np.arange(_BINS) + 0.5) * _BIN
     x, y = (axis.ravel() for axis in np.meshgrid(middles, middles, indexing="ij"))
     lines = float(number.sum())
-    if lines < _LEAST or number[np.hypot(x, y) < _STEEP].sum() < 0.1 * lines:
+    if lines < _LEAST:
         return None
     terms = np.column_stack([np.ones(len(x)), x**2, y**2])
 
@@ -135,5 +145,14 @@ def cover_of(number: FloatArray, shown: FloatArray) -> float | None:
         contacts = np.sqrt(terms @ parts + 1e-8)
         return float((number - shown) @ contacts - shown @ np.log(-np.expm1(-contacts))) / lines
 
-    found = minimize(unlikely, np.full(3, 0.3), method="L-BFGS-B", bounds=[(0.0, None)] * 3)
-    return -math.expm1(-math.sqrt(found.x[0]))
+    parts = minimize(unlikely, np.full(3, 0.3), method="L-BFGS-B", bounds=[(0.0, None)] * 3).x
+    contacts = np.sqrt(terms @ parts + 1e-8)
+    gaps = number * np.exp(-contacts)
+    weights = 1.0 / np.maximum(gaps * -np.expm1(-contacts), 1e-9)
+    spread = (number - shown - gaps) ** 2 @ weights / max(np.count_nonzero(number) - 3, 1)
+    slopes = terms * (0.5 * gaps / contacts)[:, None]
+    off = NINE_IN_TEN * math.sqrt(spread * np.linalg.inv((slopes.T * weights) @ slopes + 1e-6 * np.eye(3))[0, 0])
+    ends = np.sqrt(np.maximum(parts[0] + off * np.array([-1.0, 0.0, 1.0]), 0.0))
+    low, share, high = (-np.expm1(-ends)).tolist()
+    error = max(share - low, high - share)
+    return Cover(share, error) if error <= _MOST_OFF else None

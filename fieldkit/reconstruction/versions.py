@@ -27,7 +27,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "fusion": 8,  # depth maps into one cloud
         "plants": 2,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
-        "figures": 21,  # traits of plants, and what predictions are made from
+        "figures": 22,  # traits of plants, and what predictions are made from
         "adherence": 1,  # of a flight to its plan
         "visit": 1,  # where a campaign's visit is placed, and what is noted of it
     }

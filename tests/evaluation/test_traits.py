@@ -18,6 +18,7 @@ from fieldkit.evaluation.traits import (
     plot_traits,
     seen_share,
 )
+from fieldkit.reconstruction.gaps import Cover
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.silhouettes import Outline
@@ -113,15 +114,24 @@ class TestValues:
         outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
         whole = traits(slope, outline)
         monkeypatch.setattr("fieldkit.evaluation.traits.OF_FLIGHTS", replace(OF_FLIGHTS, tallest_m=0.1))
-        told, lost, alone = (traits(slope, replace(outline, cover=cover)) for cover in (0.4, 0.6, None))
+        covers = Cover(0.4, 0.0), Cover(0.6, 0.0), Cover(0.4, 0.15), None
+        told, lost, unsure, alone = (traits(slope, replace(outline, cover=cover)) for cover in covers)
         more = told.covered_area_m2 / whole.covered_area_m2
         assert told.canopy_volume_m3 == pytest.approx((0.5 + 0.5 * more) * whole.canopy_volume_m3)
         assert whole.height_p95_m - told.height_p95_m == pytest.approx(0.05 * (more - 1.0) * 0.06, abs=0.0005)
         assert told.canopy_volume_error_m3 > whole.canopy_volume_error_m3
         assert told.cover_error_percent == pytest.approx(10.0 * np.sqrt(0.4 * 0.6), rel=0.02)
+        assert unsure.cover_error_percent == pytest.approx(15.0, rel=0.02)
         assert set(told.unknown) - COUNTS == {"height_m", "lai"}
         assert set(lost.unknown) - COUNTS == OF_HEIGHT | {"lai"}
         assert "higher than 0.1 m" in alone.unknown["cover_percent"]
+
+    def test_of_low_plants_gaps_tell_the_cover_where_the_cloud_tells_it_worse(self) -> None:
+        outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True, cover=Cover(0.2, 0.12))
+        still = found(leaf(side=0.3, count=180_000))
+        swaying = replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 20.0)))
+        assert traits(still, outline) == traits(still, replace(outline, cover=None))
+        assert traits(swaying, outline).cover_percent == pytest.approx(20.0)
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()

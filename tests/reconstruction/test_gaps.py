@@ -62,11 +62,11 @@ def flight(tmp_path: Path) -> SparseResult:
 
 def test_leaves_that_hide_more_of_the_ground_the_more_one_looks_aside(flight: SparseResult) -> None:
     plot, half = covers_by_gaps(flight, {"a": (GROUND, (PLOT, HALF))}, "exg")["a"]
-    assert plot == pytest.approx(true_cover((-0.7, -0.7), (0.7, 0.7)), abs=0.05)
-    assert half == pytest.approx(true_cover((-0.7, -0.7), (0.0, 0.7)), abs=0.05)
     assert half is not None
     assert plot is not None
-    assert half > plot + 0.1
+    assert plot.share == pytest.approx(true_cover((-0.7, -0.7), (0.7, 0.7)), abs=0.05)
+    assert half.share == pytest.approx(true_cover((-0.7, -0.7), (0.0, 0.7)), abs=0.05)
+    assert half.share > plot.share + 0.1
 
 
 def test_masks_from_files_serve_as_well(flight: SparseResult) -> None:
@@ -89,10 +89,28 @@ def test_without_masks_or_steep_sight_lines_there_is_none(flight: SparseResult) 
     assert covers_by_gaps(far, {"a": (GROUND, (PLOT,))}, "exg") == {"a": [None]}
 
 
+X, Y = (axis.ravel() for axis in np.meshgrid(*[(np.arange(12) + 0.5) * 0.05] * 2, indexing="ij"))
+
+
+def on_plants(cover: float) -> np.ndarray:
+    """Chance of each class of sight lines to end on plants, like an ellipsoid's."""
+    return -np.expm1(-np.sqrt(np.log1p(-cover) ** 2 + 0.7 * X**2 + 0.2 * Y**2))
+
+
 @pytest.mark.parametrize("cover", [0.0, 0.1, 0.6, 0.95])
 def test_contacts_like_an_ellipsoids(cover: float) -> None:
-    middles = (np.arange(12) + 0.5) * 0.05
-    x, y = (axis.ravel() for axis in np.meshgrid(middles, middles, indexing="ij"))
-    contacts = np.sqrt(np.log1p(-cover) ** 2 + 0.7 * x**2 + 0.2 * y**2)
-    number = np.full(x.shape, 500.0)
-    assert cover_of(number, number * -np.expm1(-contacts)) == pytest.approx(cover, abs=0.01)
+    number = np.full(X.shape, 500.0)
+    assert cover_of(number, number * on_plants(cover)) == pytest.approx((cover, 0.0), abs=0.01)
+
+
+def test_errors_hold_where_leaves_hide_many_sight_lines_and_grow_where_none_is_steep() -> None:
+    rng, errors = np.random.default_rng(0), []
+    for steepest in (0.0, 0.35):
+        number = np.where(np.hypot(X, Y) >= steepest, 500.0, 0.0)
+        shares = np.clip(on_plants(0.5) + 0.05 * rng.standard_normal((40, X.size)), 0.0, 1.0)
+        found = [cover_of(number, number * share) for share in shares]
+        assert sum(each is not None and abs(each.share - 0.5) <= each.error for each in found) >= 32
+        errors.append(np.mean([each.error for each in found if each is not None]))
+    assert errors[1] > 1.5 * errors[0]
+    aside = np.where(Y > 0.5, 500.0, 0.0)
+    assert cover_of(aside, aside * on_plants(0.5) * rng.uniform(0.6, 1.0, X.size)) is None
