@@ -49,8 +49,9 @@ _FOCAL_PX = 3871.0
 """Focal length of the camera that shipped patterns were measured with, pixels."""
 _MOST = 12
 """Patterns of a front."""
-_ALIKE = 1.1
-"""Factor of the least errors up to which measurements hardly tell patterns apart."""
+_ALIKE = 1.13
+"""Factor of the least errors up to which measurements hardly tell patterns apart: standard deviation of the difference
+between two evaluations."""
 _BLOCKS = 2
 """Number of blocks that evaluations are on in turn."""
 _BLOCK_SEED = 5000
