@@ -26,7 +26,6 @@ objective = Objective(SimulatedSource(Proxy.from_description(scene())), Objectiv
 for height_m in (0.35, 0.9):
     cameras = Cameras.from_poses(ring(6, 0.85, height_m, (0.0, 0.0, 0.18)))
     found = objective.evaluate(cameras)
-    print(
-        f"from {height_m} m: {found.right} of {found.images} photographs, {1000 * found.value_m:.1f} mm", found.failure
-    )
+    counted = f"{found.right} of {len(found.views)} photographs"
+    print(f"from {height_m} m: {counted}, {1000 * found.value_m:.1f} mm", found.failure)
 objective.close()
