@@ -44,15 +44,18 @@ HEIGHT_ERROR_M = 0.03
 """Error of a height that nine in ten plots of the benchmark were within, metres (docs/traits.md)."""
 _QUANTILE_ERROR_M = 0.035
 """The same of a quantile of height: of 24 on plots of rings and flights, V4 to V10, 21 were within."""
+_OF_SLANT = 0.08
+"""What its error is larger by where all photographs of a flight look aside, of the 99th percentile, as a share of it
+times the steepest one's squared cosine: looking 60° down it was 3 to 6 cm too low on tuning blocks at V10."""
 AREA_ERROR = 0.11
 """Error of an area that nine in ten plots of the benchmark were within, as a share (docs/traits.md)."""
 VOLUME_ERROR = 0.14
 """The same of a volume."""
 LAI_ERROR = 0.17
 """The same of a leaf area index; of clouds whose leaves sway, too."""
-_GAPS_ERROR = 0.05
-"""The same of a cover of one half by gaps between leaves, as a share of the plot, in pixels up to the next one; more in
-coarser ones: from 12 m, in 3.6 mm, such covers were up to 8 % off. Others have fewer edges."""
+_GAPS_ERROR = 0.10
+"""The same of covers by gaps between leaves, as a share of the root of what is and what is not covered, in pixels up to
+the next one; more in coarser ones: from 12 m, in 3.6 mm, a cover of one half was up to 8 % off."""
 _GAPS_PIXEL_M = 0.0025
 """What a pixel of the photographs covers at the plants there, metres."""
 MOST_LAI_ERROR = 0.20
@@ -249,6 +252,9 @@ def plot_traits(
         return float(np.hypot(of_sway * of_pixel * share, scales * doubt))
 
     of_quantiles = np.hypot(off_m(of_sway * _QUANTILE_ERROR_M), _OF_LACKED * (tops_shown - tops))
+    if outline.of_flight and not tall:
+        steepest = min(pose.forward[2] for pose in found.sparse.poses.values())
+        of_quantiles[-1] += _OF_SLANT * tops[-1] * (1.0 - steepest**2)
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), off_m(of_height * HEIGHT_ERROR_M)),
         **{
@@ -264,20 +270,17 @@ def plot_traits(
         ),
         "lai": (lai, float(np.hypot(off(LAI_ERROR, 2.0, of_leaves), hidden)) * (lai or 0.0)),
     }
-    if outline.cover is not None and area is not None:
-        of_edges = 2.0 * math.sqrt(by_gaps * (area - by_gaps))
-        of_lines = max(_GAPS_ERROR * max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, area * outline.cover.error)
+    if outline.cover and area:
+        of_edges = _GAPS_ERROR * math.sqrt(by_gaps * (area - by_gaps))
+        of_lines = max(max(1.0, found.gsd_m / _GAPS_PIXEL_M) * of_edges, area * outline.cover.error)
         off_m2 = math.hypot(of_lines, 2.0 * doubt * by_gaps)
         if tall or off_m2 < values["covered_area_m2"][1]:
             values["covered_area_m2"] = by_gaps, off_m2
             values["cover_percent"] = 100.0 * outline.cover.share, 100.0 * off_m2 / area
     if tall:
-        reason = (
-            f"the plants are higher than {fitted.tallest_m:g} m: from above leaves are missed, and false ones float "
-            "over them"
-        )
+        reason = f"plants are higher than {fitted.tallest_m:g} m: leaves are missed from above, false ones float above"
         lost = (*_OF_HEIGHT, "lai") if more > _MOST_LACKED else _NOT_OF_TALL
-        unknown = dict.fromkeys(values if outline.cover is None else lost, reason) | unknown
+        unknown = dict.fromkeys(lost if outline.cover else values, reason) | unknown
     known: dict[str, Any] = {}
     each: tuple[PlantEntry, ...] = ()
     if "plants" not in unknown:

@@ -18,6 +18,7 @@ from fieldkit.evaluation.traits import (
     plot_traits,
     seen_share,
 )
+from fieldkit.geometry import Pose
 from fieldkit.reconstruction.gaps import Cover
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -132,6 +133,15 @@ class TestValues:
         swaying = replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 20.0)))
         assert traits(still, outline) == traits(still, replace(outline, cover=None))
         assert traits(swaying, outline).cover_percent == pytest.approx(20.0)
+
+    def test_tops_are_less_sure_where_all_photographs_of_a_flight_look_aside(self) -> None:
+        aside = found(leaf(side=0.3, count=180_000))
+        one = {next(iter(aside.sparse.poses)): Pose.from_yaw_pitch((0.0, 0.0, 2.0), 0.0, -90.0)}
+        down = replace(aside, sparse=replace(aside.sparse, poses=aside.sparse.poses | one))
+        outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
+        less, sure = (traits(result, outline) for result in (aside, down))
+        assert less.height_p99_error_m > sure.height_p99_error_m
+        assert less.height_p95_error_m == pytest.approx(sure.height_p95_error_m, rel=0.02)
 
     def test_an_area_known_worse_than_its_own_size_is_not_given(self) -> None:
         result = found()

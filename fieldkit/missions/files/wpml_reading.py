@@ -373,7 +373,7 @@ class _Reader:
         elif (
             trigger in (_BETWEEN, *_INTERVALS)
             and _LASTING.issuperset(functions)
-            and all(mode.text != "relativeAngle" for mode in group.iter("gimbalRotateMode"))
+            and "relativeAngle" not in map(_text, group.iter("gimbalRotateMode"))
         ):
             stop = self.stops[start]
             self.stops[start] = replace(stop, onwards=stop.onwards + self._effects(elements, here))
