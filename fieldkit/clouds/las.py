@@ -187,7 +187,8 @@ def _read(laspy: Any, file: BinaryIO) -> LasCloud:
         xyz *= units
         cloud = Cloud(xyz, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
         step = float(np.max(np.asarray(header.scales) * units))
-        return LasCloud(cloud, crs, (float(units[0]), float(units[1]), float(units[2])), step, left_out)
+        x, y, z = units.tolist()
+        return LasCloud(cloud, crs, (x, y, z), step, left_out)
 
 
 def _check_sizes(file: BinaryIO) -> None:

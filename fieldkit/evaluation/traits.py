@@ -44,9 +44,6 @@ HEIGHT_ERROR_M = 0.03
 """Error of a height that nine in ten plots of the benchmark were within, metres (docs/traits.md)."""
 _QUANTILE_ERROR_M = 0.035
 """The same of a quantile of height: of 24 on plots of rings and flights, V4 to V10, 21 were within."""
-_OF_SLANT = 0.08
-"""What its error is larger by where all photographs of a flight look aside, of the 99th percentile, as a share of it
-times the steepest one's squared cosine: looking 60° down it was 3 to 6 cm too low on tuning blocks at V10."""
 AREA_ERROR = 0.11
 """Error of an area that nine in ten plots of the benchmark were within, as a share (docs/traits.md)."""
 VOLUME_ERROR = 0.14
@@ -145,6 +142,9 @@ class Calibration:
     """Share of the sway by which wider gaps in leaves are closed."""
     widest_seam: float = math.inf
     """The widest seam that quantiles of height have, cells: a wider one takes tops off leaves."""
+    of_slant: float = 0.0
+    """What the error of the 99th percentile of height is larger by where all photographs look aside, as a share of it
+    times the steepest one's squared cosine."""
     tallest_m: float = math.inf
     """99th percentile of height above which clouds lack leaves of lower layers and have false points above, metres."""
 
@@ -157,10 +157,12 @@ OF_FLIGHTS = Calibration(
     adds_tips=True,
     gaps_swayed=0.0,
     widest_seam=1.5,
+    of_slant=0.08,
     tallest_m=1.8,
 )
 """Photographs overlap closely. Of a block at V10 from 8 m, in 3.3 mm and still air, the cloud lacks 65 to 87 mm of the
-highest leaf; at R1, 2.5 m high, a quarter of the cover, at V10, 1.4 m high, nothing of it."""
+highest leaf; at R1, 2.5 m high, a quarter of the cover, at V10, 1.4 m high, nothing of it. Looking 60° down the 99th
+percentile was 3 to 6 cm too low on tuning blocks at V10."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +229,7 @@ def plot_traits(
         whole = canopy(points, heights, *cells[:2], seam)
         return whole if corners is None else whole.within(corners)
 
-    by_gaps = 0.0 if area is None or outline.cover is None else area * outline.cover.share
+    by_gaps = area * outline.cover.share if area and outline.cover else 0.0
     seen, upper_seen = from_above(seam), from_above(min(seam, fitted.widest_seam))
     tops_shown = upper_seen.heights_m(*_QUANTILES.values())
     tall = tops_shown[-1] > fitted.tallest_m
@@ -252,9 +254,9 @@ def plot_traits(
         return float(np.hypot(of_sway * of_pixel * share, scales * doubt))
 
     of_quantiles = np.hypot(off_m(of_sway * _QUANTILE_ERROR_M), _OF_LACKED * (tops_shown - tops))
-    if outline.of_flight and not tall:
+    if not tall:
         steepest = min(pose.forward[2] for pose in found.sparse.poses.values())
-        of_quantiles[-1] += _OF_SLANT * tops[-1] * (1.0 - steepest**2)
+        of_quantiles[-1] += fitted.of_slant * tops[-1] * (1.0 - steepest**2)
     values: dict[Trait, tuple[float | None, float]] = {
         "height_m": (max(0.0, height), off_m(of_height * HEIGHT_ERROR_M)),
         **{

@@ -141,18 +141,21 @@ def cover_of(number: FloatArray, shown: FloatArray) -> Cover | None:
         return None
     terms = np.column_stack([np.ones(len(x)), x**2, y**2])
 
+    def contacts_of(parts: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(terms @ parts + 1e-8))
+
     def unlikely(parts: FloatArray) -> float:
-        contacts = np.sqrt(terms @ parts + 1e-8)
+        contacts = contacts_of(parts)
         return float((number - shown) @ contacts - shown @ np.log(-np.expm1(-contacts))) / lines
 
     parts = minimize(unlikely, np.full(3, 0.3), method="L-BFGS-B", bounds=[(0.0, None)] * 3).x
-    contacts = np.sqrt(terms @ parts + 1e-8)
+    contacts = contacts_of(parts)
     gaps = number * np.exp(-contacts)
     weights = 1.0 / np.maximum(gaps * -np.expm1(-contacts), 1e-9)
-    spread = (number - shown - gaps) ** 2 @ weights / max(np.count_nonzero(number) - 3, 1)
-    slopes = terms * (0.5 * gaps / contacts)[:, None]
-    off = NINE_IN_TEN * math.sqrt(spread * np.linalg.inv((slopes.T * weights) @ slopes + 1e-6 * np.eye(3))[0, 0])
+    spread = (number - shown - gaps) ** 2 @ weights / np.maximum(np.count_nonzero(number) - 3, 1)
+    slopes = 0.5 * terms.T * gaps / contacts
+    off = NINE_IN_TEN * math.sqrt(spread * np.linalg.inv((slopes * weights) @ slopes.T + 1e-6 * np.eye(3))[0, 0])
     ends = np.sqrt(np.maximum(parts[0] + off * np.array([-1.0, 0.0, 1.0]), 0.0))
-    low, share, high = (-np.expm1(-ends)).tolist()
+    low, share, high = map(float, -np.expm1(-ends))
     error = max(share - low, high - share)
     return Cover(share, error) if error <= _MOST_OFF else None

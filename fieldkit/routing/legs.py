@@ -166,10 +166,10 @@ def _go_around(
     left = np.arange(len(rows))
     # Whole bodies at first, so that legs at many heights share a search; those that find no way so, solid by solid.
     for tops in (obstacles.body_tops, obstacles.tops):
-        kinds, tried = np.searchsorted(np.sort(tops[crossed]), floor, side="right"), left
+        kinds = np.searchsorted(np.sort(tops[crossed]), floor, side="right")
         none: list[int] = []
-        for kind in np.unique(kinds[tried]):
-            some = tried[kinds[tried] == kind]
+        for kind in np.unique(kinds[left]):
+            some = left[kinds[left] == kind]
             plans = ways_around(a[some, :2], b[some, :2], float(floor[some].min()), obstacles, speeds)
             paths = {
                 int(row): _at_level(a[row], b[row], plan, None if level is None else float(level[row]))

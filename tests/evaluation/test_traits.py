@@ -31,6 +31,7 @@ SETTINGS = ReconstructionSettings()
 COUNTS = {"plants", "row_gaps"}
 OF_HEIGHT = {"height_m", "height_p95_m", "height_p99_m", "canopy_volume_m3"}
 PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
+OF_FLIGHT = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
 
 
 @pytest.fixture(autouse=True)
@@ -103,8 +104,7 @@ class TestValues:
     def test_flights_lose_edges_that_sway_and_take_the_seam_off_leaves(self) -> None:
         still = found(leaf(side=0.3, count=180_000))
         swaying = replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 4.0)))
-        plot = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
-        areas = [traits(result, plot).covered_area_m2 for result in (still, swaying)]
+        areas = [traits(result, OF_FLIGHT).covered_area_m2 for result in (still, swaying)]
         sides = [float(np.sqrt(area)) for area in areas if area is not None]
         assert sides[0] == pytest.approx(0.3 - 2 * 1.93 * still.pixel_m, abs=1.5 * still.pixel_m)
         assert sides[1] - sides[0] == pytest.approx(2 * 0.155 * 4.0 * still.pixel_m, rel=0.25)
@@ -112,11 +112,10 @@ class TestValues:
     def test_leaves_that_clouds_of_tall_plants_lack_are_lower_ones(self, monkeypatch: pytest.MonkeyPatch) -> None:
         points = leaf(side=0.3, count=180_000).points
         slope = found(Cloud(points + np.outer(0.2 * points[:, 0], (0.0, 0.0, 1.0))))  # 0.12 to 0.18 m high
-        outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
-        whole = traits(slope, outline)
+        whole = traits(slope, OF_FLIGHT)
         monkeypatch.setattr("fieldkit.evaluation.traits.OF_FLIGHTS", replace(OF_FLIGHTS, tallest_m=0.1))
         covers = Cover(0.4, 0.0), Cover(0.6, 0.0), Cover(0.4, 0.15), None
-        told, lost, unsure, alone = (traits(slope, replace(outline, cover=cover)) for cover in covers)
+        told, lost, unsure, alone = (traits(slope, replace(OF_FLIGHT, cover=cover)) for cover in covers)
         more = told.covered_area_m2 / whole.covered_area_m2
         assert told.canopy_volume_m3 == pytest.approx((0.5 + 0.5 * more) * whole.canopy_volume_m3)
         assert whole.height_p95_m - told.height_p95_m == pytest.approx(0.05 * (more - 1.0) * 0.06, abs=0.0005)
@@ -128,18 +127,17 @@ class TestValues:
         assert "higher than 0.1 m" in alone.unknown["cover_percent"]
 
     def test_of_low_plants_gaps_tell_the_cover_where_the_cloud_tells_it_worse(self) -> None:
-        outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True, cover=Cover(0.2, 0.12))
+        outline = replace(OF_FLIGHT, cover=Cover(0.2, 0.12))
         still = found(leaf(side=0.3, count=180_000))
         swaying = replace(still, scatter_px=float(np.hypot(STILL_SCATTER_PX, 20.0)))
-        assert traits(still, outline) == traits(still, replace(outline, cover=None))
+        assert traits(still, outline) == traits(still, OF_FLIGHT)
         assert traits(swaying, outline).cover_percent == pytest.approx(20.0)
 
     def test_tops_are_less_sure_where_all_photographs_of_a_flight_look_aside(self) -> None:
         aside = found(leaf(side=0.3, count=180_000))
         one = {next(iter(aside.sparse.poses)): Pose.from_yaw_pitch((0.0, 0.0, 2.0), 0.0, -90.0)}
         down = replace(aside, sparse=replace(aside.sparse, poses=aside.sparse.poses | one))
-        outline = PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3)), of_flight=True)
-        less, sure = (traits(result, outline) for result in (aside, down))
+        less, sure = (traits(result, OF_FLIGHT) for result in (aside, down))
         assert less.height_p99_error_m > sure.height_p99_error_m
         assert less.height_p95_error_m == pytest.approx(sure.height_p95_error_m, rel=0.02)
 
@@ -235,7 +233,7 @@ class TestRefusals:
 
     def test_plants_higher_than_the_pictures(self) -> None:
         """What was reconstructed ends where the pictures do: the plants may go on."""
-        told = traits(found(leaf(0.85, 0.6)), PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3))))
+        told = traits(found(leaf(0.85, 0.6)), replace(OF_FLIGHT, of_flight=False))
         assert set(told.unknown) >= OF_HEIGHT
         assert "the pictures end" in told.unknown["height_m"]
 

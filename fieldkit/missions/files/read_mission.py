@@ -50,11 +50,11 @@ def in_passing(stops: list[ReadStop], every: float, unit: Unit, start: int, end:
     """Let photographs be taken at intervals of so many seconds or metres from one of the stops to another."""
     stops[start] = replace(stops[start], onwards=(*stops[start].onwards, Repeat(every, unit)))
     stops[end] = replace(stops[end], ceases=(*stops[end].ceases, Cease(unit)))
-    return first_at_once(stops[start].number)
+    return unstated(stops[start].number)
 
 
-def first_at_once(number: int) -> Finding:
-    """What is taken for granted of photographs on the way."""
+def unstated(number: int) -> Finding:
+    """What no document states of photographs on the way."""
     message = "no document says whether the first of its photographs on the way is taken at once: taken to be"
     return warning("not-modelled", message, number)
 

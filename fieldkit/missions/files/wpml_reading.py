@@ -39,16 +39,7 @@ from fieldkit.missions.autopilots.effects import (
     effects_of,
 )
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
-from fieldkit.missions.files.read_mission import (
-    LAND,
-    RETURN,
-    Ends,
-    Facing,
-    ReadMission,
-    ReadStop,
-    first_at_once,
-    in_passing,
-)
+from fieldkit.missions.files.read_mission import LAND, RETURN, Ends, Facing, ReadMission, ReadStop, in_passing, unstated
 from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.findings import warning
 from fieldkit.missions.items import Command, Frame, MissionItem
@@ -395,7 +386,7 @@ class _Reader:
             elif done is None:
                 self._refuse(here, f"the action {function[:40]!r}")
             kept = [effect for effect in done or () if not isinstance(effect, lost)]
-            self.remarks += [first_at_once(here) for effect in kept if isinstance(effect, Repeat)]
+            self.remarks += [unstated(here) for effect in kept if isinstance(effect, Repeat)]
             effects += kept
         return tuple(effects)
 
